@@ -30,7 +30,7 @@ class Apply:
     out: Path
     """Where to write the corrected vehicle file."""
     tolerances: bool = True
-    """Apply the deviations within tolerance that were found beside the effects, too."""
+    """Apply the deviations within tolerance that were found in addition to the effects."""
     force: bool = False
     """Apply to a vehicle file that is not the one that was diagnosed."""
     json: Path | None = None

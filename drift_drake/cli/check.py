@@ -37,7 +37,7 @@ class Check:
     Without a vehicle file: rates, columns, noise, bad samples, how hard the car was driven, and where columns that say
     the same disagree: by how much, and what would fix it. With one: the steering ratio and the torque too, which parts
     can be used, the operating regions, and for each effect of the
-    catalogue the least magnitude that these logs would show; with the calibration, beside what is normal for the car.
+    catalogue the least magnitude that these logs would show; with the calibration, relative to its baseline.
     With --for-calibration: whether the logs are good enough for `drift-drake identify`, and which drive is missing.
     """
 

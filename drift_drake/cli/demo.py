@@ -44,7 +44,7 @@ TOLERANCES = """\
 tolerance:
 """
 TAIL = """\
-# Effects that the car has beside this, as `drift-drake apply` adds them; `drift-drake effects` lists them.
+# Effects that the car has in addition, as `drift-drake apply` adds them; `drift-drake effects` lists them.
 # effects:
 #   steering_lag: 0.08
 """
@@ -61,7 +61,7 @@ class Demo:
     drift-drake demo
 
     Four simulated runs of a car with an effect that its vehicle file lacks are diagnosed, the corrected vehicle is
-    replayed beside them, and the car drifts a figure-8 under a model that learns as it drives. Each command is shown
+    replayed with them, and the car drifts a figure-8 under a model that learns as it drives. Each command is shown
     before it runs, to be given again with logs and a vehicle file of your own.
     """
 
@@ -93,7 +93,7 @@ def run_demo(command: Demo) -> None:
             if main(words) != 0:
                 raise DemoError(f"the demo ended at 'drift-drake {words[0]}'; what it has written is in {command.out}")
         pages = {name: command.out / page for name, page in PAGES.items()}
-        print(f"\nOpen {pages['report']} (the diagnosis), {pages['replay']} (the log beside both simulators) and "
+        print(f"\nOpen {pages['report']} (the diagnosis), {pages['replay']} (the log and both simulators) and "
               f"{pages['drive']} (the drift).")  # fmt: skip
     write_results(command.json, {"out": command.out, "commands": given, "pages": pages})
 

@@ -69,8 +69,8 @@ class Diagnose:
     """In place of the three: what `drift-drake identify --json` wrote of this car. The forces of its
     persistent model mismatch are taken out too, so that a row is worth more."""
     false_alarms: float | None = None
-    """Rate of false alarms, beside a --calibration by prediction: how often a day on which nothing has changed may be
-    said to have a gap; 0.05 if it is not given."""
+    """Rate of false alarms, relative to a --calibration by prediction: how often a day on which nothing has changed may
+    be said to have a gap; 0.05 if it is not given."""
     effects: tuple[str, ...] = tuple(CATALOGUE)
     """Effects to consider."""
     exclude: tuple[str, ...] = ()

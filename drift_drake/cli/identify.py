@@ -44,7 +44,7 @@ class Identify:
     known: tuple[str, ...] = KNOWN
     """Parameters whose tolerance in the vehicle file is believed; the others get broad priors."""
     effects: tuple[str, ...] = EFFECTS
-    """Effects that may belong to the car, beside those in the vehicle file."""
+    """Effects that may belong to the car, in addition to those in the vehicle file."""
     criterion: Criterion = "auto"
     """What a car is judged by: the filter's likelihood, exact where innovations are white, or prediction errors half a
     second ahead; auto lets the logs choose, and says so."""
@@ -106,12 +106,12 @@ def summary(found: "Identification", json: Path | None = None) -> str:
         lines += [f"{sentence}." for sentence in outlook_sentences(c.outlook, c.driving.recordings)]
         lines += [f"Not shown well: {one.sentence()}." for one in c.driving.missing() if not one.grave]
     if c.normal is not None:
-        lines.append(f"For 'drift-drake diagnose' of another day of this car: --calibration {where}")
+        lines.append(f"For 'drift-drake diagnose' of later logs of this car: --calibration {where}")
         return "\n".join([*lines, *(f"  warning: {warning}" for warning in c.warnings)])
     scales = f"--noise-scale {c.trust.noise:.2g} --process-scale {c.trust.process:.2g} --row-weight {c.row_weight:.2g}"
     lines.append(f"For 'drift-drake diagnose' on this car: {scales}")
     if c.everyday is not None:
-        lines.append(f"or, so that a row is worth {c.everyday.row_weight:.2g} beside its persistent model mismatch: "
+        lines.append(f"or, so that a row is worth {c.everyday.row_weight:.2g} with its model discrepancy: "
                      f"--calibration {where}")  # fmt: skip
     return "\n".join([*lines, *(f"  warning: {warning}" for warning in c.warnings)])
 

@@ -103,7 +103,7 @@ def run_import(command: Import) -> None:
 
 
 def _import_paths(command: Import, mapping: RecorderMapping, out: Path) -> None:
-    """Writes the paths of recordings that hold positions and too little beside them for a log."""
+    """Writes the paths of recordings that hold positions and too little else for a log."""
     with ended_at_once():
         from drift_drake.gap.logs.importing.paths import import_paths, path_sentences
 

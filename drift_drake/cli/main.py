@@ -37,7 +37,7 @@ COMMANDS = {
     "choose": Command("drift_drake.cli.choose", "which model may drive a car at its limits, asked of its logs"),
     "drive": Command("drift_drake.cli.drive", "a drift under model predictive control", "ClosedLoopDrive"),
     "simulate": Command("drift_drake.cli.simulate", "a simulated car's log of a manoeuvre, or of a log's commands"),
-    "replay": Command("drift_drake.cli.replay", "a log beside the simulators' response to its commands"),
+    "replay": Command("drift_drake.cli.replay", "a log compared with the simulators' response to its commands"),
     "watch": Command("drift_drake.cli.watch", "a drive watched row by row: what has changed, and since when"),
     "fleet": Command("drift_drake.cli.fleet", "many cars and days: what all, one car, one day deviates by"),
     "effects": Command("drift_drake.cli.effects", "the effects that can be named, and what shows them", "ListEffects"),

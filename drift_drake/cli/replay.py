@@ -1,4 +1,4 @@
-"""`drift-drake replay`: a log beside what the simulator makes of its commands."""
+"""`drift-drake replay`: a log compared with what the simulator makes of its commands."""
 
 import dataclasses
 from pathlib import Path
@@ -16,7 +16,7 @@ from drift_drake.common.standard_output import said_to, write_results
 
 @dataclasses.dataclass(frozen=True)
 class Replay:
-    """Play a log's commands to the simulator's car and to the corrected one, and watch both beside the real car.
+    """Play a log's commands to the simulator's car and to the corrected one, and watch both next to the real car.
 
     drift-drake replay logs/monday/run_0.csv --vehicle car.yaml --corrected corrected.yaml --html replay.html
     """

@@ -86,9 +86,7 @@ class Choice(NamedTuple):
             follow = f"drive with {found.car.name if found.car else 'the identified car'}"
         elif self._as_usual:
             beyond = ", ".join(self.beyond)
-            follow = (
-                f"the car is identified with {beyond}, which a controller does not plan with: mend that, or {adapt}"
-            )
+            follow = f"the car is identified with {beyond}, which a controller does not plan with: fix that, or {adapt}"
         else:
             follow = f"no model is known to hold for this car: {adapt}, or gather more"
         if not math.isfinite(found.error):

@@ -20,7 +20,7 @@ PACKAGES = ("drift_drake", "drake", "numpy", "scipy", "numba")
 GLOSSARY = {
     "gap": "what the simulator's car gets wrong about the real one, beyond sensor noise and what is normal for the car",
     "nominal car": "the car of the vehicle file, as it is",
-    "calibrated car": "the vehicle file that 'drift-drake identify' fitted to logs of another day",
+    "calibrated car": "the vehicle file that 'drift-drake identify' fitted to logs of a baseline",
     "corrected car": "the nominal or calibrated car with the named effects added",
     "effect": "a physical cause of the catalogue, with a magnitude: a delay, a mass, a friction level",
     "none": "verdict: no gap beyond tolerances, sensor noise and what is normal for the car",
@@ -30,7 +30,7 @@ GLOSSARY = {
     "ambiguity set": "the hypotheses that together hold 95 % of the probability",
     "innovation": "measured less predicted one row ahead, in standard deviations: white noise of size one where the "
     "model is right",
-    "free-form forces": "forces and moments beside the car, any function of its state: what no catalogue is needed for",
+    "free-form forces": "forces and moments in addition to the car's, any function of its state: what no catalogue is needed for",
     "held out": "of parts of the runs that were not used to fit what they judge",
     "nat": "unit of log evidence: three nats make one hypothesis twenty times as probable as another",
     "detection limit": "the least magnitude of an effect that would be named with 95 % probability from these logs",

@@ -86,8 +86,8 @@ def screen(run: Run) -> tuple[Screened, list[str]]:
         if coarse(values, size):
             floor[name] = noise_of(size)
             sentences.append(
-                f"{run.name}: {name} comes in steps of {size:.3g} {UNITS[name]}, coarse beside its noise: its noise is "
-                f"at least {floor[name]:.2g} {UNITS[name]}, and not white"
+                f"{run.name}: {name} comes in steps of {size:.3g} {UNITS[name]}, coarse relative to its noise: its noise "
+                f"is at least {floor[name]:.2g} {UNITS[name]}, and not white"
             )
     sentences = dead_sentences + _frozen_sentences(run, stretches) + sentences
     clean = dataclasses.replace(run, **corrected) if corrected else run
@@ -132,7 +132,9 @@ def _spike_sentences(
     reported = []
     for start, stop in found[:LISTED]:
         rows = "" if stop - start == 1 else f" ({stop - start} rows)"
-        reported.append(f"at {run.t[start]:.2f} s{rows} ({raw[start]:.4g} {UNITS[name]} beside {filled[start]:.4g})")
+        reported.append(
+            f"at {run.t[start]:.2f} s{rows} ({raw[start]:.4g} {UNITS[name]} in place of {filled[start]:.4g})"
+        )
     if not reported:
         return []
     more = f" and {len(found) - LISTED} more" if len(found) > LISTED else ""

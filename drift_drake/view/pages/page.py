@@ -30,7 +30,7 @@ GLOSSARY = {
     "ambiguity set": "the hypotheses that together hold 95 % of the probability",
     "innovation": "measured less predicted one row ahead, in standard deviations: white noise of size one where the "
     "model is right",
-    "free-form forces": "forces and moments in addition to the car's, any function of its state: what no catalogue is needed for",
+    "free-form forces": "forces and moments added to the car's, any function of its state: no catalogue is needed",
     "held out": "of parts of the runs that were not used to fit what they judge",
     "nat": "unit of log evidence: three nats make one hypothesis twenty times as probable as another",
     "detection limit": "the least magnitude of an effect that would be named with 95 % probability from these logs",

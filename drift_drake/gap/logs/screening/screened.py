@@ -86,8 +86,8 @@ def screen(run: Run) -> tuple[Screened, list[str]]:
         if coarse(values, size):
             floor[name] = noise_of(size)
             sentences.append(
-                f"{run.name}: {name} comes in steps of {size:.3g} {UNITS[name]}, coarse relative to its noise: its noise "
-                f"is at least {floor[name]:.2g} {UNITS[name]}, and not white"
+                f"{run.name}: {name} comes in steps of {size:.3g} {UNITS[name]}, coarse relative to its noise: "
+                f"its noise is at least {floor[name]:.2g} {UNITS[name]}, and not white"
             )
     sentences = dead_sentences + _frozen_sentences(run, stretches) + sentences
     clean = dataclasses.replace(run, **corrected) if corrected else run

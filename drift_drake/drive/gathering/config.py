@@ -13,8 +13,9 @@ from drift_drake.common.arrays import Array
 from drift_drake.common.errors import InvalidOptionError
 from drift_drake.drive.learnt.bayesian_step import PathStep
 from drift_drake.drive.learnt.checkpoint import paper_checkpoint
-from drift_drake.drive.mpc.ocp import OcpData, OcpWeights, OptimalControlProblem, described
+from drift_drake.drive.mpc.ocp import OcpData, OcpWeights, OptimalControlProblem
 from drift_drake.drive.mpc.plan import DT
+from drift_drake.drive.qp.stages import StageRows
 from drift_drake.drive.reference.stadium import HARDEST, Stadium, stadium
 from drift_drake.drive.reference.trajectory import Reference, circle
 
@@ -81,19 +82,26 @@ def bound_slip(problem: OptimalControlProblem, config: LaneDrive) -> None:
 
     Softened by the lane's slack, so that a linearised problem always has a solution.
     """
-    n, x = config.steps, problem.x[1:]
-    eye, unbounded = np.eye(n), np.full(n, np.inf)
-    beta, rim, speed = STATE_SCALE[2] * eye, STATE_SCALE[3] * eye, STATE_SCALE[1] * eye
-    for what, states, quantity, limit, softening, signs in (
-        ("sideslip", x[:, [2]], [beta], config.max_sideslip, SIDESLIP_SOFTENING, (1.0, -1.0)),
-        ("wheel spin", x[:, [3, 1]], [rim, -speed], config.max_slip, SLIP_SOFTENING, (1.0, -1.0)),
-        ("least speed", x[:, [1]], [speed], -config.min_speed, SLIP_SOFTENING, (-1.0,)),
+    stages = np.arange(1, config.steps + 1)
+    for what, weights, limit, softening, signs in (
+        ("sideslip", {2: 1.0}, config.max_sideslip, SIDESLIP_SOFTENING, (1.0, -1.0)),
+        ("wheel spin", {3: 1.0, 1: -1.0}, config.max_slip, SLIP_SOFTENING, (1.0, -1.0)),
+        ("least speed", {1: 1.0}, -config.min_speed, SLIP_SOFTENING, (-1.0,)),
     ):
         for sign in signs:
-            row = np.concatenate([*(sign * block for block in quantity), -softening * eye], axis=1)
-            variables = np.concatenate([states.ravel(order="F"), problem.slack])
-            bound = problem.AddLinearConstraint(row, -unbounded, np.full(n, limit), variables)
-            described(f"{what}, softened", bound)
+            row = softened(problem, weights, sign, softening)
+            rows = np.tile(row, (config.steps, 1))
+            below, limits = np.full(config.steps, -np.inf), np.full(config.steps, limit)
+            problem.bound(StageRows(f"{what}, softened", stages, rows, below, limits))
+
+
+def softened(problem: OptimalControlProblem, weights: dict[int, float], sign: float, softening: float) -> Array:
+    """A row [n+3] of weighted states, of which a slack of 1 m takes `softening`."""
+    row = np.zeros(problem.layout.state_size + 3)
+    for state, weight in weights.items():
+        row[state] = sign * weight * STATE_SCALE[state]
+    row[-1] = -softening
+    return row
 
 
 def bound_end(problem: OptimalControlProblem, curvature: float = 0.0) -> None:
@@ -101,14 +109,11 @@ def bound_end(problem: OptimalControlProblem, curvature: float = 0.0) -> None:
 
     Softened as `bound_slip` is. On a lane of a curvature [1/m] the yaw rate beyond the lane's is bounded.
     """
-    end, slack = problem.x[-1], problem.slack[-1:]
+    last = np.full(2, problem.horizon)
     (_, yaw), *others = ENDS
     for weights, limit in (({0: 1.0, 1: -curvature} if curvature else {0: 1.0}, yaw), *others):
-        row = np.array([weight * STATE_SCALE[state] for state, weight in weights.items()])
-        rows = np.column_stack([np.stack([row, -row]), np.full(2, -END_SOFTENING * limit)])
-        states = np.append(end[list(weights)], slack)
-        bound = problem.AddLinearConstraint(rows, np.full(2, -np.inf), np.full(2, limit), states)
-        described("straight at the end, softened", bound)
+        rows = np.array([softened(problem, weights, sign, END_SOFTENING * limit) for sign in (1.0, -1.0)])
+        problem.bound(StageRows("straight at the end, softened", last, rows, np.full(2, -np.inf), np.full(2, limit)))
 
 
 @dataclasses.dataclass(frozen=True)

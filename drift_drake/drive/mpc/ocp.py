@@ -1,4 +1,4 @@
-"""The paper's optimal control problem (OCP) as a Drake MathematicalProgram, for any one-step vehicle model.
+"""The paper's optimal control problem (OCP) as stages, and as a Drake MathematicalProgram, for any one-step model.
 
     min   sum_{k<N} |x_k - x_ref,k|^2_Q + |u_k - u_{k+1}|^2_R  +  penalty sum_k slack_k
     s.t.  x_{k+1} = f(x_k, u_k, u_{k+1}),  x_0 = x_init,  u_0 = the command in force,
@@ -23,6 +23,7 @@ from drift_drake.car.step_model import INPUT_SCALE, STATE_SCALE, StepModel
 from drift_drake.common.arrays import Array
 from drift_drake.drive.mpc.plan import DT
 from drift_drake.drive.qp.stacked import StackedCost, StackedDynamics, StageCost, StageLayout
+from drift_drake.drive.qp.stages import StageBounds, StageRows, Stages, dynamics_pattern
 from drift_drake.drive.reference.trajectory import Reference
 
 
@@ -71,13 +72,15 @@ class OcpSolution(NamedTuple):
 
 
 class OptimalControlProblem(MathematicalProgram):
-    """The OCP as a MathematicalProgram that Drake's solvers take, built once for a horizon; `set` changes its data.
+    """The OCP, built once for a horizon; `set` changes its data.
 
-    Each cost and constraint says in its description what it is.
+    Its `stages` are what our own solver takes. The MathematicalProgram, which Drake's solvers take, is made from them:
+    each cost and constraint says in its description what it is.
 
     Attributes:
         x, u, slack: its variables [N+1, n], [N+1, 2], [N]; states and inputs are scaled.
-        dynamics: the stacked dynamics constraint, which the line-search SQP reads beside the program.
+        stages: costs and bounds, all but the dynamics.
+        dynamics: the stacked dynamics constraint, which the line-search SQP reads beside the stages.
         extra_cost: a cost beside l_k that is not quadratic (Info-OCP's), if any.
     """
 
@@ -103,44 +106,87 @@ class OptimalControlProblem(MathematicalProgram):
         self.u = self.NewContinuousVariables(2 * (horizon + 1), "u").reshape(-1, 2)
         self.slack = self.NewContinuousVariables(horizon, "slack")
         self._z = np.concatenate([self.x.ravel(), self.u.ravel(), self.slack])
-        zero = np.zeros(self._z.size)
+        self._rows: list[StageRows] = []
+        self.stages = Stages(
+            self.layout.block_columns, self.layout.bound_columns, np.tile(self.stage_hessian(), (horizon, 1, 1)),
+            np.zeros(self.size), 0.0, np.zeros(n + 2), StageBounds.of(self._kinds(), horizon),
+        )  # fmt: skip
+        self._linear_cost, self._given = self._make_program(extra_description)
+        self._lane, *_ = [self._add(rows) for rows in self._kinds()]
+        self._known = {binding.evaluator().get_description() for binding in self._bindings()}
+
+    def _bindings(self) -> list[Any]:
+        return [*self.GetAllCosts(), *self.GetAllConstraints()]
+
+    def check_stages(self) -> None:
+        """Raises:
+        ValueError: a cost or constraint was added to the program that its stages lack; the message names it.
+        """
+        for binding in self._bindings():
+            if (what := binding.evaluator().get_description()) not in self._known:
+                raise ValueError(
+                    f"'{what or binding}' was added to the program alone, which Drake's solvers take; add rows of a "
+                    "stage by `bound`, a cost as `extra_cost`, for them to reach `LineSearchSqp`"
+                )
+
+    def _kinds(self) -> list[StageRows]:
+        """All rows but those of the dynamics; a stage's begin with the lane's two and end with its slack's own."""
+        n, count = self.layout.state_size, self.horizon
+        eye, stage = np.eye(n + 3), np.arange(1, count + 1)
+        lane = np.repeat([eye[4] + eye[-1], eye[4] - eye[-1]], count, axis=0)  # from e_min, up to e_max
+        free = np.full(2 * count, np.inf)
+        low, high = (np.tile(limit / INPUT_SCALE, count) for limit in self.parameters.command_limits())
+        return [
+            StageRows("lane, softened", np.tile(stage, 2), lane, -free, free),
+            *self._rows,
+            StageRows("limits of steering and torque", stage.repeat(2), np.tile(eye[n:-1], (count, 1)), low, high),
+            StageRows("no negative slack", stage, np.tile(eye[-1], (count, 1)), np.zeros(count), free[:count]),
+        ]
+
+    def bound(self, rows: StageRows) -> None:
+        """Adds rows, in scaled variables, before `set` is called; what is added otherwise only Drake's solvers see."""
+        self._rows.append(rows)
+        self._known.add(rows.what)
+        self.stages = self.stages._replace(bounds=StageBounds.of(self._kinds(), self.horizon))
+        self._add(rows)
+
+    def _add(self, rows: StageRows) -> Any:
+        """The binding of a kind of rows in the program, which says what they are."""
+        whole = np.zeros((rows.stage.size, self.size))
+        np.put_along_axis(whole, self.layout.bound_columns[rows.stage - 1], rows.values, axis=1)
+        row, column = np.nonzero(whole)
+        if np.array_equal(row, np.arange(rows.stage.size)) and (whole[row, column] == 1.0).all():
+            return described(rows.what, self.AddBoundingBoxConstraint(rows.low, rows.high, self._z[column]))
+        used = np.unique(column)
+        return described(rows.what, self.AddLinearConstraint(whole[:, used], rows.low, rows.high, self._z[used]))
+
+    def _make_program(self, extra_description: str) -> tuple[Any, tuple[Any, Any]]:
+        """Costs, what is given, and the dynamics; the bindings whose numbers `set` changes."""
+        hessian, zero = np.zeros((self.size, self.size)), np.zeros(self.size)
+        for columns, block in zip(self.stages.columns, self.stages.hessian, strict=True):
+            hessian[np.ix_(columns, columns)] += block
         described(
             "state errors and changes of input, squared",
-            self.AddQuadraticCost(self._hessian(), zero, 0.0, self._z, is_convex=True),
+            self.AddQuadraticCost(hessian, zero, 0.0, self._z, is_convex=True),
         )
-        self._linear_cost = described(
+        linear = described(
             "state errors, the part linear in the reference, and the lane's penalty",
             self.AddLinearCost(zero, 0.0, self._z),
         )
-        self._x_init = described("initial state", self.AddBoundingBoxConstraint(np.zeros(n), np.zeros(n), self.x[0]))
-        self._u_init = described("command in force", self.AddBoundingBoxConstraint(np.zeros(2), np.zeros(2), self.u[0]))
-        low, high = (limit / INPUT_SCALE for limit in parameters.command_limits())
-        inputs = self.AddBoundingBoxConstraint(np.tile(low, horizon), np.tile(high, horizon), self.u[1:].ravel())
-        described("limits of steering and torque", inputs)
-        positive = self.AddBoundingBoxConstraint(np.zeros(horizon), np.full(horizon, np.inf), self.slack)
-        described("no negative slack", positive)
-        eye = np.eye(horizon)
-        lane = np.block([[eye, eye], [eye, -eye]])  # e + slack >= e_min, e - slack <= e_max
-        unbounded = np.full(2 * horizon, np.inf)
-        lateral = np.concatenate([self.x[1:, 4], self.slack])
-        self._lane = described("lane, softened", self.AddLinearConstraint(lane, -unbounded, unbounded, lateral))
-        zeros = np.zeros(self.dynamics.size)
+        given = tuple(
+            described(what, self.AddBoundingBoxConstraint(np.zeros(first.size), np.zeros(first.size), first))
+            for what, first in (("initial state", self.x[0]), ("command in force", self.u[0]))
+        )
+        zeros, trajectory = np.zeros(self.dynamics.size), self._z[: -self.horizon or None]
         self.dynamics_binding = self.AddConstraint(
-            self.dynamics, lb=zeros, ub=zeros, vars=self._z[: -horizon or None], description="dynamics"
+            self.dynamics, lb=zeros, ub=zeros, vars=trajectory, description="dynamics"
         )
         self.dynamics_binding.evaluator().SetGradientSparsityPattern(
-            [(int(i), int(j)) for i, j in zip(*self.dynamics.sparsity(), strict=True)]
+            [(int(i), int(j)) for i, j in zip(*dynamics_pattern(self.stages.columns), strict=True)]
         )
-
         if self.extra_cost:
-            self.AddCost(self.extra_cost, vars=self._z[: -horizon or None], description=extra_description)
-
-    def _hessian(self) -> Array:
-        """Second derivatives of the cost: the stages' blocks, summed."""
-        hessian = np.zeros((self._z.size, self._z.size))
-        for columns in self.layout.block_columns:
-            hessian[np.ix_(columns, columns)] += self.stage_hessian()
-        return hessian
+            self.AddCost(self.extra_cost, vars=trajectory, description=extra_description)
+        return linear, given
 
     @property
     def size(self) -> int:
@@ -156,7 +202,7 @@ class OptimalControlProblem(MathematicalProgram):
         return block
 
     def set(self, data: OcpData) -> None:
-        """Puts the data of one problem into the program.
+        """Puts the data of one problem into the stages, and from there into the program.
 
         Raises:
             ValueError: data that is not finite or of the wrong length; the message names it.
@@ -176,20 +222,23 @@ class OptimalControlProblem(MathematicalProgram):
                 raise ValueError(f"{name} has shape {np.shape(value)}; a horizon of {n} steps needs {shape}")
             if np.isnan(value).any():
                 raise ValueError(f"{name} holds NaN at index {tuple(int(i) for i in np.argwhere(np.isnan(value))[0])}")
-        q = self.weights.state()
-        reference = data.x_ref[:-1]
-        linear = np.zeros(self._z.size)
-        states = linear[: self.layout.state_size * n].reshape(n, -1)
-        states[:, :6] = -2.0 * q * STATE_SCALE * reference
-        linear[-n:] = self.weights.lane_penalty
-        self._linear_cost.evaluator().UpdateCoefficients(linear, float(np.sum(q * reference * reference)))
+        q, reference, gradient = self.weights.state(), data.x_ref[:-1], np.zeros(self.size)
+        states, _, slack = self.stages.split(gradient)
+        states[:-1, :6] = -2.0 * q * STATE_SCALE * reference
+        slack[:] = self.weights.lane_penalty
         x_init, u_init = data.x_init / self.layout.state_scale, data.u_init / INPUT_SCALE
-        self._x_init.evaluator().set_bounds(x_init, x_init)
-        self._u_init.evaluator().set_bounds(u_init, u_init)
-        unbounded = np.full(n, np.inf)
-        self._lane.evaluator().set_bounds(
-            np.concatenate([data.e_min[1:], -unbounded]), np.concatenate([unbounded, data.e_max[1:]])
-        )
+        bounds, lane = self.stages.bounds, self.stages.bounds.first[:-1]
+        low, high = bounds.low.copy(), bounds.high.copy()
+        low[lane], high[lane + 1] = data.e_min[1:], data.e_max[1:]
+        self.stages = self.stages._replace(
+            gradient=gradient, constant=float(np.sum(q * reference * reference)), given=np.append(x_init, u_init),
+            bounds=bounds._replace(low=low, high=high),
+        )  # fmt: skip
+        self._linear_cost.evaluator().UpdateCoefficients(gradient, self.stages.constant)
+        for binding, value in zip(self._given, (x_init, u_init), strict=True):
+            binding.evaluator().set_bounds(value, value)
+        both = np.concatenate([lane, lane + 1])
+        self._lane.evaluator().set_bounds(low[both], high[both])
         self.dynamics.curvature = np.ascontiguousarray(data.curvature, dtype=float)
 
     def stack(self, x: Array, u: Array, slack: Array | None = None) -> Array:

@@ -1,4 +1,4 @@
-"""Line-search SQP (Nocedal and Wright, chapter 18) on the program that Drake's solvers take, its QPs solved by `qp`.
+"""Line-search SQP (Nocedal and Wright, chapter 18) on the OCP's stages, its QPs solved by `drive.qp`.
 
 Two Hessians. In real time Gauss-Newton: that of the quadratic cost alone. To convergence, by default, that of the
 Lagrangian, each stage's block projected to the nearest positive semidefinite one. Either way every QP is convex. Steps
@@ -15,8 +15,8 @@ import numpy as np
 
 from drift_drake.common.arrays import Array
 from drift_drake.drive.mpc.ocp import OptimalControlProblem
-from drift_drake.drive.qp.products import Iterate, Rows, along, iterate, largest, rows_times, violations
-from drift_drake.drive.qp.qp import LinearQuadraticPart, QpMethod, QpOptions, QpSolution, QpWorkspace
+from drift_drake.drive.qp.products import Iterate, along, blocks_times, cost_times, iterate, largest, violations
+from drift_drake.drive.qp.qp import QpMethod, QpOptions, QpSolution, QpWorkspace
 
 SUFFICIENT_DECREASE, HALF, LEAST_STEP = 1e-4, 0.5, 1e-4  # of the line search
 CONVERGING = 10  # iterations from a plan that was nearly right, after which little is left to gain
@@ -113,6 +113,7 @@ class _Point(NamedTuple):
     z: Array
     y: Array
     residual: Array  # of the dynamics
+    f: Array  # their derivatives F_k [N, n, n+4]
     extra_cost: float  # the part of the cost that is not quadratic
     numbers: Iterate
     blocks: Array  # the QP's Hessian by stages
@@ -135,23 +136,22 @@ class LineSearchSqp:
     """A solver bound to one program: holds the QPs' workspace and nothing that a later result depends on."""
 
     def __init__(self, problem: OptimalControlProblem, options: SqpOptions | None = None) -> None:
+        """Raises:
+        ValueError: the program holds a cost or constraint that its stages lack; the message names it.
+        """
+        problem.check_stages()
         self.options = options or SqpOptions()
         self.problem = problem
         self._dynamics = problem.dynamics
-        self._part = LinearQuadraticPart(problem)
-        block = problem.stage_hessian()
-        self._stage_hessian = np.tile(block, (problem.horizon, 1, 1))
-        self._workspace = QpWorkspace(self._part, problem.dynamics, self._stage_hessian, self.options.qp)
-        self._rows, self._hessian = Rows.of(self._part.matrix), Rows.of(self._part.hessian)
-        self.multiplier_count = self._dynamics.size + self._part.matrix.shape[0]
+        self._workspace = QpWorkspace(problem.stages, self.options.qp)
+        self.multiplier_count = problem.stages.multiplier_count
 
     def solve(self, z_guess: Array, y_guess: Array | None = None, most: int | None = None) -> SqpResult:
         """Solves the program as its data now stand, from a decision vector (and multipliers, if known).
 
         `most`: iterations, where other than the options'.
         """
-        part, options, extra = self._part, self.options, self.problem.extra_cost
-        gradient_at_zero, constant, low, high = part.data()
+        stages, options, extra = self.problem.stages, self.options, self.problem.extra_cost
         z = np.array(z_guess, dtype=float)  # a copy: a view that is read only would be compiled for anew
         y = np.zeros(self.multiplier_count) if y_guess is None else np.array(y_guess, dtype=float)
         penalty, status = 0.0, "iterations"
@@ -159,25 +159,17 @@ class LineSearchSqp:
         iterations: list[SqpIteration] = []
         while True:
             start = time.perf_counter()
-            residual, jacobian = self._dynamics.linearize(z)
-            f, columns = self._dynamics.by_stages(jacobian), self.problem.layout.block_columns
-            numbers = iterate(
-                self._hessian, gradient_at_zero, constant, extra.gradient(z) if extra else _NONE, residual, f, columns,
-                self._rows, low, high, z, y,
-            )  # fmt: skip
+            residual, f = self._dynamics.linearize(z)
+            numbers = iterate(stages, extra.gradient(z) if extra else _NONE, residual, f, z, y)
             cost, primal_residual, dual = numbers.cost + extra_cost, numbers.primal, numbers.dual
-            if not largest(jacobian) < np.inf:
+            if not largest(f.ravel()) < np.inf:
                 status = "not finite"
                 break
-            self._workspace.set_jacobian(jacobian)
             if max(primal_residual, dual) < options.tolerance:
                 status = "converged"
                 break
-            blocks = self._stage_hessian
-            if not options.gauss_newton:
-                blocks = self._lagrangian_blocks(z, y)
-                self._workspace.set_hessian(blocks)
-            point = _Point(z, y, residual, extra_cost, numbers, blocks)
+            blocks = stages.hessian if options.gauss_newton else self._lagrangian_blocks(z, y)
+            point = _Point(z, y, residual, f, extra_cost, numbers, blocks)
             # Where OSQP was too slow once, it will be again.
             interior = bool(iterations) and iterations[-1].second_attempt
             step, trials, z, y, residual, extra_cost, penalty, qp = self._step(point, penalty, interior)
@@ -195,24 +187,24 @@ class LineSearchSqp:
                 # In real time a long QP, or line search, is all the work that one solve may do.
                 last = last or qp.second_attempt or qp.iterations > options.long_qp or step < options.short_step
             if last:
-                bent = rows_times(self._hessian, z)
-                cost = float(0.5 * z @ bent + gradient_at_zero @ z + constant) + extra_cost
-                primal_residual = violations(residual, self._rows, z, low, high)[1]
+                bent = cost_times(stages.hessian, z)
+                cost = float(0.5 * z @ bent + stages.gradient @ z + stages.constant) + extra_cost
+                primal_residual = violations(residual, stages, z)[1]
                 break
         return SqpResult(z, y, cost, primal_residual, status, iterations)
 
     def _step(self, point: _Point, penalty: float, interior: bool) -> _Step:
         """The step to the QP's solution, shortened until the merit function falls enough."""
-        options, extra, numbers = self.options, self.problem.extra_cost, point.numbers
-        offset = numbers.gradient - self._workspace.hessian.times(point.blocks, point.z)
-        qp = self._workspace.solve(offset, numbers.low, numbers.high, point.z, point.y, interior)
+        options, extra, numbers, stages = self.options, self.problem.extra_cost, point.numbers, self.problem.stages
+        offset = numbers.gradient - blocks_times(point.blocks, stages.columns, point.z)
+        model = stages._replace(hessian=point.blocks, gradient=offset)
+        qp = self._workspace.solve(model, point.f, numbers.target, point.z, point.y, interior)
         if not qp.usable:
             return _Step(0.0, 0, point.z, point.y, point.residual, point.extra_cost, penalty, qp)
         direction = qp.z - point.z
         slope, quadratic_slope, bend, model_bend = along(
-            numbers.gradient, numbers.quadratic_gradient, self._hessian, point.blocks, self._workspace.hessian.columns,
-            direction,
-        )  # fmt: skip
+            numbers.gradient, numbers.quadratic_gradient, stages, point.blocks, direction
+        )
         if numbers.violation > 1e-12:
             if options.exact_merit:
                 penalty = max(penalty, largest(qp.y))
@@ -221,7 +213,6 @@ class LineSearchSqp:
         merit, decrease = start + penalty * numbers.violation, slope - penalty * numbers.violation
         # Near the solution the decrease drowns in the merit's rounding error.
         rounding = 1e-12 * (1.0 + abs(merit))
-        low, high = (row[point.residual.size :] for row in (numbers.low, numbers.high))
         step, trials = 1.0, 0
         while step >= LEAST_STEP:
             trials += 1
@@ -230,7 +221,7 @@ class LineSearchSqp:
             cost = start + step * quadratic_slope + 0.5 * step * step * bend
             extra_cost = extra.value(trial) if extra else 0.0
             cost += extra_cost - point.extra_cost
-            trial_merit = cost + penalty * violations(residual, self._rows, trial, low, high)[0]
+            trial_merit = cost + penalty * violations(residual, stages, trial)[0]
             if trial_merit <= merit + SUFFICIENT_DECREASE * step * decrease + rounding:
                 y = point.y + step * (qp.y - point.y)
                 return _Step(step, trials, trial, y, residual, extra_cost, penalty, qp)
@@ -240,7 +231,7 @@ class LineSearchSqp:
     def _lagrangian_blocks(self, z: Array, y: Array) -> Array:
         """The Lagrangian's Hessian by stages, each block projected to the nearest positive semidefinite matrix."""
         curved = self._dynamics.curvature_blocks(z, y[: self._dynamics.size], self.problem.extra_cost)
-        blocks = self._stage_hessian + curved
+        blocks = self.problem.stages.hessian + curved
         values, vectors = np.linalg.eigh(blocks)
         projected: Array = (vectors * np.maximum(values, 0.0)[:, None]) @ np.swapaxes(vectors, 1, 2)
         return projected

@@ -22,7 +22,7 @@ STARTS = ((1e-2, 1e-2, 10), (1e2, 1e4, 40))
 FIRST_ATTEMPT = STARTS[0][2]  # iterations, of which a solution with more has taken the second start
 
 
-class StageRows(NamedTuple):
+class Inequalities(NamedTuple):
     """Inequalities row (x_k, u_k) + softness slack_k >= bound, M in all, those of stages k = 1..N one after the other.
 
     Those of a stage end with its slack's own: a row of zeros, a softness above zero.
@@ -35,7 +35,7 @@ class StageRows(NamedTuple):
 
 
 @compiled
-def _values(x: Array, u: Array, slack: Array, rows: StageRows, out: Array) -> None:
+def _values(x: Array, u: Array, slack: Array, rows: Inequalities, out: Array) -> None:
     """By how much the inequalities hold [M]."""
     n = x.shape[1]
     row, softness, bound, first = rows
@@ -48,7 +48,7 @@ def _values(x: Array, u: Array, slack: Array, rows: StageRows, out: Array) -> No
 
 
 @compiled
-def _start(x: Array, u: Array, rows: StageRows, penalty: Array, start: tuple[float, float, int],
+def _start(x: Array, u: Array, rows: Inequalities, penalty: Array, start: tuple[float, float, int],
            values: Array, slack: Array, room: Array, multipliers: Array) -> None:  # fmt: skip
     """Slacks, distances from the bounds and multipliers to begin with."""
     least, barrier, _ = start
@@ -110,7 +110,7 @@ class _Condensed(NamedTuple):
 
 
 @compiled
-def _condense(rows: StageRows, multipliers: Array, room: Array, out: _Condensed) -> None:
+def _condense(rows: Inequalities, multipliers: Array, room: Array, out: _Condensed) -> None:
     """The second derivatives."""
     row, softness, _, first = rows
     shifted, span, lead, coupling, weight, curvature = out
@@ -143,8 +143,8 @@ def _condense(rows: StageRows, multipliers: Array, room: Array, out: _Condensed)
 
 
 @compiled
-def _first_derivatives(rows: StageRows, multipliers: Array, room: Array, values: Array, centre: Array, penalty: Array,
-                       condensed: _Condensed, barrier: Array, constant: Array) -> None:  # fmt: skip
+def _first_derivatives(rows: Inequalities, multipliers: Array, room: Array, values: Array, centre: Array,
+                       penalty: Array, condensed: _Condensed, barrier: Array, constant: Array) -> None:  # fmt: skip
     """Writes those by (x, u) [N, n+2], and the step of t at (dx, du) = 0 [N].
 
     `centre` [M]: what multiplier times room is to become, but for the step's own product.
@@ -167,8 +167,8 @@ def _first_derivatives(rows: StageRows, multipliers: Array, room: Array, values:
 
 
 @compiled
-def _bound_steps(rows: StageRows, step: Array, condensed: _Condensed, constant: Array, multipliers: Array, room: Array,
-                 values: Array, centre: Array, slack_step: Array, room_step: Array,
+def _bound_steps(rows: Inequalities, step: Array, condensed: _Condensed, constant: Array, multipliers: Array,
+                 room: Array, values: Array, centre: Array, slack_step: Array, room_step: Array,
                  multiplier_step: Array) -> float:  # fmt: skip
     """Steps of slacks, rooms and multipliers; returns the longest share of the step that keeps all above zero."""
     softness, first = rows.softness, rows.first
@@ -194,7 +194,7 @@ def _bound_steps(rows: StageRows, step: Array, condensed: _Condensed, constant: 
 
 
 @compiled
-def _dual_residual(f: Array, linear: Array, end: Array, penalty: Array, costate: Array, rows: StageRows,
+def _dual_residual(f: Array, linear: Array, end: Array, penalty: Array, costate: Array, rows: Inequalities,
                    multipliers: Array) -> float:  # fmt: skip
     """The largest entry of the Lagrangian's gradient."""
     count, n = f.shape[0], f.shape[1]
@@ -240,7 +240,7 @@ def _centred(multipliers: Array, room: Array, length: float, room_step: Array, m
 
 
 @compiled
-def attempt(f: Array, hessian: Array, gx: Array, gu: Array, penalty: Array, target: Array, rows: StageRows,
+def attempt(f: Array, hessian: Array, gx: Array, gu: Array, penalty: Array, target: Array, rows: Inequalities,
              tolerance: float, start: tuple[float, float, int], x: Array, u: Array, slack: Array, costate: Array,
              multipliers: Array) -> tuple[int, bool]:  # fmt: skip
     """`interior_point` from one of the `STARTS`."""
@@ -294,12 +294,20 @@ def attempt(f: Array, hessian: Array, gx: Array, gu: Array, penalty: Array, targ
         iteration += 1
 
 
-def interior_point(f: Array, hessian: Array, gx: Array, gu: Array, penalty: Array, target: Array, rows: StageRows,
+def interior_point(f: Array, hessian: Array, gx: Array, gu: Array, penalty: Array, target: Array, rows: Inequalities,
                    tolerance: float, x: Array, u: Array, slack: Array, costate: Array,
                    multipliers: Array) -> tuple[int, bool]:  # fmt: skip
     """Writes the solution into the last five arguments; x and u start it, their first rows are the given ones.
 
-    See `stagewise_qp.StagewiseProblem` for the others.
+        min sum_k 1/2 z_k' H_k z_k + linear terms + penalty sum_k slack_k,   z_k = (x_k, u_k, u_{k+1}), all scaled,
+        s.t. F_k z_k - x_{k+1} = target_k, the first (x, u) given, and the inequalities of k = 1..N.
+
+    Args:
+        f: F_k [N, n, n+4]; hessian: H_k [N, n+4, n+4], positive semidefinite; gx [N+1, n], gu [N+1, 2]: the cost's
+            gradient at zero; penalty: above zero [N]; target: [N, n]; rows: the inequalities.
+        tolerance: see `stagewise_qp.solve_stages`.
+        x: [N+1, n]; u: [N+1, 2]; slack: [N]; costate: of (x_k, u_k) [N+1, n+2], in x_k, k >= 1, the multipliers of the
+            dynamics; multipliers: of the inequalities, zero or above [M].
 
     Returns:
         (iterations, whether it is solved).

@@ -1,41 +1,66 @@
-"""The matrices of an SQP iteration times vectors, compiled: those of an OCP by stages, linear rows compressed.
+"""The matrices of an SQP iteration times vectors, stage by stage, compiled.
 
-A stage's variables stand in the decision vector at `columns` [N, n+4], see `StageLayout.block_columns`.
-`tests/control/test_products.py` holds all to the matrices written out.
+`tests/drive/mpc/test_products.py` holds all to the matrices written out.
 """
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-import scipy.sparse as sparse
-from numpy.typing import NDArray
 
 from drift_drake.car.compilation import compiled
 from drift_drake.common.arrays import Array, Index
-
-
-class Rows(NamedTuple):
-    """A sparse matrix by rows, as compiled functions take it."""
-
-    values: Array
-    columns: NDArray[Any]
-    first: NDArray[Any]  # where each row begins, and the end
-
-    @classmethod
-    def of(cls, matrix: sparse.csr_matrix) -> "Rows":
-        rows = sparse.csr_matrix(matrix)
-        return cls(rows.data, rows.indices, rows.indptr)
+from drift_drake.drive.qp.stages import Stages
 
 
 @compiled
-def rows_times(rows: Rows, z: Array) -> Array:
-    """The matrix times a vector."""
-    out = np.empty(rows.first.size - 1)
-    for i in range(out.size):
-        total = 0.0
-        for entry in range(rows.first[i], rows.first[i + 1]):
-            total += rows.values[entry] * z[rows.columns[entry]]
-        out[i] = total
+def cost_times(blocks: Array, z: Array) -> Array:
+    """The sum of overlapping blocks [N, n+4, n+4] times a vector, each row's terms in the order of its columns."""
+    count, size = blocks.shape[0], blocks.shape[1]
+    n = size - 4
+    inputs = n * (count + 1)
+    out = np.zeros(z.size)
+    for k in range(count + 1):
+        now, before = inputs + 2 * k, inputs + 2 * (k - 1)
+        for i in range(n if k < count else 0):
+            total = 0.0
+            for j in range(n):
+                total += blocks[k, i, j] * z[n * k + j]
+            for j in range(4):
+                total += blocks[k, i, n + j] * z[now + j]
+            out[n * k + i] = total
+        for i in range(2):
+            total = 0.0
+            if k > 0:
+                for j in range(n):
+                    total += blocks[k - 1, n + 2 + i, j] * z[n * (k - 1) + j]
+            if k < count:
+                for j in range(n):
+                    total += blocks[k, n + i, j] * z[n * k + j]
+            if k > 0:
+                for j in range(2):
+                    total += blocks[k - 1, n + 2 + i, n + j] * z[before + j]
+            for j in range(2):
+                both = blocks[k - 1, n + 2 + i, n + 2 + j] if k > 0 else 0.0
+                both += blocks[k, n + i, n + j] if k < count else 0.0
+                total += both * z[now + j]
+            if k < count:
+                for j in range(2, 4):
+                    total += blocks[k, n + i, n + j] * z[now + j]
+            out[now + i] = total
+    return out
+
+
+@compiled
+def bounds_times(stages: Stages, z: Array) -> Array:
+    """The bounds' rows times a vector."""
+    values, first = stages.bounds.values, stages.bounds.first
+    out = np.empty(values.shape[0])
+    for k in range(first.size - 1):
+        for r in range(first[k], first[k + 1]):
+            total = 0.0
+            for j in range(values.shape[1]):
+                total += values[r, j] * z[stages.bound_columns[k, j]]
+            out[r] = total
     return out
 
 
@@ -80,9 +105,10 @@ def largest(values: Array) -> float:
 
 
 @compiled
-def dual_residual(gradient: Array, f: Array, columns: Index, rows: Rows, y: Array) -> float:
-    """The largest entry of the Lagrangian's gradient; y: multipliers of the dynamics and of the linear rows."""
+def dual_residual(gradient: Array, stages: Stages, f: Array, y: Array) -> float:
+    """The largest entry of the Lagrangian's gradient; y: multipliers of dynamics, given and bounds."""
     out = gradient.copy()
+    columns, values, first = stages.columns, stages.bounds.values, stages.bounds.first
     count, n, size = f.shape
     for k in range(count):
         for i in range(n):
@@ -90,22 +116,29 @@ def dual_residual(gradient: Array, f: Array, columns: Index, rows: Rows, y: Arra
             out[n + k * n + i] -= multiplier
             for j in range(size):
                 out[columns[k, j]] += f[k, i, j] * multiplier
-    for i in range(rows.first.size - 1):
-        multiplier = y[count * n + i]
-        for entry in range(rows.first[i], rows.first[i + 1]):
-            out[rows.columns[entry]] += rows.values[entry] * multiplier
+    for i in range(n + 2):
+        out[columns[0, i]] += y[count * n + i]
+    for k in range(count):
+        for r in range(first[k], first[k + 1]):
+            multiplier = y[count * n + n + 2 + r]
+            for j in range(values.shape[1]):
+                out[stages.bound_columns[k, j]] += values[r, j] * multiplier
     return float(np.abs(out).max())
 
 
 @compiled
-def violations(residual: Array, rows: Rows, z: Array, low: Array, high: Array) -> tuple[float, float]:
-    """(sum, largest) violation of the dynamics, given their residual, and of low <= rows z <= high; NaN stays NaN."""
+def violations(residual: Array, stages: Stages, z: Array) -> tuple[float, float]:
+    """(sum, largest) violation of the dynamics, given their residual, and of the stages; NaN stays NaN."""
     total, largest = 0.0, 0.0
     for value in residual:
         total += abs(value)
         largest = max(largest, abs(value))
-    for i, value in enumerate(rows_times(rows, z)):
-        outside = max(low[i] - value, value - high[i])
+    for i, value in enumerate(stages.given):
+        outside = abs(z[stages.columns[0, i]] - value)
+        total += outside
+        largest = max(largest, outside)
+    for i, value in enumerate(bounds_times(stages, z)):
+        outside = max(stages.bounds.low[i] - value, value - stages.bounds.high[i])
         if not outside <= 0.0:
             total += outside
             largest = max(largest, outside)
@@ -121,35 +154,32 @@ class Iterate(NamedTuple):
     violation: float
     primal: float  # the largest violation
     dual: float  # the largest entry of the Lagrangian's gradient, relative to the largest multiplier
-    low: Array  # bounds of the QP's rows [dynamics; linear rows]
-    high: Array
+    target: Array  # of the QP's dynamics [N, n]
 
 
 @compiled
-def iterate(hessian: Rows, linear: Array, constant: float, extra: Array, residual: Array, f: Array, columns: Index,
-            rows: Rows, low: Array, high: Array, z: Array, y: Array) -> Iterate:  # fmt: skip
+def iterate(stages: Stages, extra: Array, residual: Array, f: Array, z: Array, y: Array) -> Iterate:
     """The numbers of a point z, y: one call for what are many small ones.
 
     Args:
-        hessian, linear, constant: the quadratic cost's; extra: gradient of a cost beside it, empty without one.
-        residual: of the dynamics; f: F_k [N, n, n+4]; rows: the linear ones, with their bounds low and high.
+        extra: gradient of a cost beside the stages', empty without one.
+        residual: of the dynamics; f: F_k [N, n, n+4].
     """
-    bent = rows_times(hessian, z)
-    quadratic = bent + linear
+    bent = cost_times(stages.hessian, z)
+    quadratic = bent + stages.gradient
     gradient = quadratic + extra if extra.size else quadratic
-    violation, primal = violations(residual, rows, z, low, high)
+    violation, primal = violations(residual, stages, z)
     # OSQP's multipliers are no more accurate than relative to the largest one.
-    dual = dual_residual(gradient, f, columns, rows, y) / max(1.0, largest(y))
-    target = dynamics_times(f, columns, z) - residual
-    cost = constant + 0.5 * float(z @ bent) + float(linear @ z)
-    both = np.concatenate((target, low)), np.concatenate((target, high))
-    return Iterate(quadratic, gradient, cost, violation, primal, dual, both[0], both[1])
+    dual = dual_residual(gradient, stages, f, y) / max(1.0, largest(y))
+    target = (dynamics_times(f, stages.columns, z) - residual).reshape(f.shape[0], f.shape[1])
+    cost = stages.constant + 0.5 * float(z @ bent) + float(stages.gradient @ z)
+    return Iterate(quadratic, gradient, cost, violation, primal, dual, target)
 
 
 @compiled
-def along(gradient: Array, quadratic_gradient: Array, hessian: Rows, blocks: Array, columns: Index,
+def along(gradient: Array, quadratic_gradient: Array, stages: Stages, blocks: Array,
           direction: Array) -> tuple[float, float, float, float]:  # fmt: skip
     """How the cost changes along a direction: its slope and that of its quadratic part, that one's bend, the QP's."""
-    bend = float(direction @ rows_times(hessian, direction))
-    model_bend = float(direction @ blocks_times(blocks, columns, direction))
+    bend = float(direction @ cost_times(stages.hessian, direction))
+    model_bend = float(direction @ blocks_times(blocks, stages.columns, direction))
     return float(gradient @ direction), float(quadratic_gradient @ direction), bend, model_bend

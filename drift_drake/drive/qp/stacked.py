@@ -20,6 +20,7 @@ from drift_drake.car.step_model import (
     block_scale,
 )
 from drift_drake.common.arrays import Array
+from drift_drake.drive.qp.stages import dynamics_pattern
 
 
 class StageCost(Protocol):
@@ -73,6 +74,9 @@ class StageLayout:
         inputs = n * (horizon + 1) + 2 * stage + np.arange(4)
         self.block_columns = np.concatenate([n * stage + np.arange(n), inputs], axis=1)
         """[N, n+4]"""
+        carried = np.concatenate([n + self.block_columns[:, :n], inputs[:, 2:]], axis=1)  # (x_k, u_k), k = 1..N
+        self.bound_columns = np.append(carried, (n + 2) * (horizon + 1) + stage, axis=1)
+        """[N, n+3]"""
 
     def split(self, z: Array) -> tuple[Array, Array]:
         """(x [N+1, n], u [N+1, 2]) in SI units of a decision vector."""
@@ -93,17 +97,8 @@ class StackedDynamics:
         self.model = model
         self.layout = layout
         self.curvature = np.zeros(layout.horizon)
-        n, horizon = layout.state_size, layout.horizon
-        self.size = n * horizon
-        row = n * np.arange(horizon)[:, None, None] + np.arange(n)[:, None]
-        rows, columns = np.broadcast_arrays(row, layout.block_columns[:, None])
-        self._rows = np.concatenate([rows.ravel(), np.arange(self.size)])
-        self._columns = np.concatenate([columns.ravel(), n + np.arange(self.size)])
+        self.size = layout.state_size * layout.horizon
         self._block_scale = layout.block_scale / layout.state_scale[:, None]
-
-    def sparsity(self) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-        """(row, column) of each entry of `linearize`'s Jacobian."""
-        return self._rows, self._columns
 
     def value(self, z: Array) -> Array:
         """The residuals [n N]."""
@@ -112,16 +107,11 @@ class StackedDynamics:
         return residual.ravel()
 
     def linearize(self, z: Array) -> tuple[Array, Array]:
-        """(residuals [n N], the Jacobian's entries in the order of `sparsity`)."""
+        """(residuals [n N], F_k = d f_k / d (x_k, u_k, u_{k+1}) [N, n, n+4])."""
         x, u = self.layout.split(z)
         x_next, *jacobians = self.model.linearize(x[:-1], u[:-1], u[1:], self.curvature)
-        entries = np.full(self._rows.size, -1.0)
-        np.multiply(np.concatenate(jacobians, axis=2), self._block_scale, out=self.by_stages(entries))
-        return ((x_next - x[1:]) / self.layout.state_scale).ravel(), entries
-
-    def by_stages(self, entries: Array) -> Array:
-        """d f_k / d (x_k, u_k, u_{k+1}) [N, n, n+4], scaled, of `linearize`'s entries."""
-        return entries[: -self.size].reshape(self.layout.horizon, self.layout.state_size, -1)
+        f = np.concatenate(jacobians, axis=2) * self._block_scale
+        return ((x_next - x[1:]) / self.layout.state_scale).ravel(), f
 
     def curvature_blocks(self, z: Array, multipliers: Array, cost: "StackedCost | None" = None) -> Array:
         """Second derivatives of multipliers' residuals, and of a cost, by each stage's variables [N, n+4, n+4].
@@ -150,9 +140,9 @@ class StackedDynamics:
     def __call__(self, z: NDArray[Any]) -> NDArray[Any]:
         if z.dtype != object:
             return self.value(z)
-        value, entries = self.linearize(ExtractValue(z).ravel())
+        value, f = self.linearize(ExtractValue(z).ravel())
         jacobian = np.zeros((self.size, z.size))
-        jacobian[self._rows, self._columns] = entries
+        jacobian[dynamics_pattern(self.layout.block_columns)] = np.append(f, np.full(self.size, -1.0))
         return _chained(value, jacobian, z)
 
 

@@ -1,17 +1,51 @@
 """The interior-point method's Newton steps against dense linear algebra, and its solutions against OSQP's."""
 
+from typing import NamedTuple
+
 import numpy as np
 import osqp
 import pytest
 import scipy.sparse as sparse
 from numpy.typing import NDArray
 
-from drift_drake.drive.qp.interior_point import STARTS, StageRows
+from drift_drake.drive.qp.interior_point import STARTS, Inequalities, interior_point
 from drift_drake.drive.qp.riccati import costates, factorise, substitute
-from drift_drake.drive.qp.stagewise_qp import StagewiseProblem, StagewiseQp, solve_stagewise
+from drift_drake.drive.qp.stacked import StageLayout
+from drift_drake.drive.qp.stages import StageBounds, Stages
+from drift_drake.drive.qp.stagewise_qp import solve_stages
 
 Array = NDArray[np.float64]
 STATES = 6
+
+
+class StagewiseProblem(NamedTuple):
+    """What `interior_point` takes."""
+
+    f: Array
+    hessian: Array
+    gradient_x: Array
+    gradient_u: Array
+    penalty: Array
+    target: Array
+    rows: Inequalities
+
+
+class StagewiseSolution(NamedTuple):
+    x: Array
+    u: Array
+    slack: Array
+    costate: Array
+    multipliers: Array
+    iterations: int
+    solved: bool
+
+
+def solve_stagewise(problem: StagewiseProblem, x: Array, u: Array, tolerance: float) -> StagewiseSolution:
+    """The solution from a trajectory, whose first rows are given."""
+    x, u, slack = np.array(x), np.array(u), np.empty(len(problem.f))
+    costate, multipliers = np.empty((len(x), x.shape[1] + 2)), np.empty(problem.rows.bound.size)
+    found = interior_point(*problem, tolerance, x, u, slack, costate, multipliers)
+    return StagewiseSolution(x, u, slack, costate, multipliers, *found)
 
 
 def random_problem(
@@ -48,7 +82,7 @@ def random_problem(
     return StagewiseProblem(
         f, factor @ np.swapaxes(factor, 1, 2) / size, rng.normal(size=(horizon + 1, STATES)),
         rng.normal(size=(horizon + 1, 2)), np.full(horizon, 3.0), target,
-        StageRows(row[:, :-1].copy(), row[:, -1].copy(), np.array(bounds), np.array(first)),
+        Inequalities(row[:, :-1].copy(), row[:, -1].copy(), np.array(bounds), np.array(first)),
     )  # fmt: skip
 
 
@@ -167,9 +201,15 @@ def test_agrees_with_osqp(width: float, bound: float, further: int) -> None:
         assert 0.5 * mine @ hessian @ mine + gradient @ mine == pytest.approx(
             0.5 * z @ hessian @ z + gradient @ z, rel=1e-7, abs=1e-7
         )
-        qp = StagewiseQp(horizon, STATES, problem.hessian, sparse.csr_matrix(linear_rows(problem)), 1e-9)
-        qp.set_jacobian(np.append(problem.f.ravel(), np.full(STATES * horizon, -1.0)))
-        by_rows = qp.solve(gradient, *limits(problem, x[0], u[0]), flat(x, u, np.zeros(horizon)))
+        layout, rows = StageLayout(np.empty(0), horizon), problem.rows
+        bounds = StageBounds(
+            np.column_stack([rows.row, rows.softness]), rows.bound, np.full(rows.bound.size, np.inf), rows.first
+        )
+        given = np.append(x[0], u[0])
+        stages = Stages(
+            layout.block_columns, layout.bound_columns, problem.hessian, gradient, 0.0, given, bounds
+        )  # fmt: skip
+        by_rows = solve_stages(stages, problem.f, problem.target, flat(x, u, np.zeros(horizon)), 1e-9)
         np.testing.assert_array_equal(by_rows[0], mine)
         np.testing.assert_allclose(by_rows[1], y, atol=1e-4)
 

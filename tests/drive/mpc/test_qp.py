@@ -13,30 +13,28 @@ from drift_drake.car.parameters import VehicleParameters
 from drift_drake.car.step_model import NominalStepModel
 from drift_drake.drive.gathering.config import LaneDrive, bound_end, bound_slip, problem_data
 from drift_drake.drive.mpc.ocp import OptimalControlProblem
-from drift_drake.drive.qp.qp import LinearQuadraticPart, QpMethod, QpOptions, QpSolution, QpWorkspace
+from drift_drake.drive.qp.products import cost_times
+from drift_drake.drive.qp.qp import QpMethod, QpOptions, QpSolution, QpWorkspace, constraint_matrix, row_limits
+from drift_drake.drive.qp.stages import Stages
 from drift_drake.drive.reference.trajectory import Reference
 
 HORIZON = 2
 LENGTH = 10  # of the QPs along a reference
-STAGE_HESSIAN = OptimalControlProblem(NominalStepModel(VehicleParameters()), VehicleParameters(), 1).stage_hessian()
-FAR = 1e5  # where the first states have to go: so far that the way there looks like a proof that there is none
+FAR = 1e5  # where the slacks have to go: so far that the way there looks like a proof that there is none
 
 
 def far_away(feasible: bool) -> QpSolution:
-    """A QP whose equations -x_{k+1} / FAR = 1 have a solution, but a far one."""
+    """A QP whose bounds slack_k / FAR >= 1 have a solution, but a far one."""
     vehicle = VehicleParameters()
     problem = OptimalControlProblem(NominalStepModel(vehicle), vehicle, HORIZON)
-    part = LinearQuadraticPart(problem)
-    blocks = np.tile(problem.stage_hessian(), (HORIZON, 1, 1))
     options = QpOptions("osqp", 1e-6, 400, polish=False, rho=1.0, feasible=feasible)
-    workspace = QpWorkspace(part, problem.dynamics, blocks, options)
-    rows, columns = problem.dynamics.sparsity()
-    following = problem.layout.state_size + rows  # the place of x_{k+1} in the row of its own equation
-    workspace.set_jacobian(np.where(columns == following, -1.0 / FAR, 0.0))
-    _, _, low, high = part.data()
-    ones = np.ones(problem.dynamics.size)
-    start = np.zeros(part.size), np.zeros(problem.dynamics.size + low.size)
-    return workspace.solve(np.zeros(part.size), np.append(ones, low), np.append(ones, high), *start)
+    stages, size = problem.stages, problem.layout.state_size
+    values, low, lane = stages.bounds.values.copy(), stages.bounds.low.copy(), stages.bounds.first[:-1]
+    values[lane], low[lane] = np.eye(size + 3)[-1] / FAR, 1.0
+    stages = stages._replace(bounds=stages.bounds._replace(values=values, low=low))
+    workspace, zeros = QpWorkspace(stages, options), np.zeros((HORIZON, size))
+    start = np.zeros(problem.size), np.zeros(stages.multiplier_count)
+    return workspace.solve(stages, np.zeros((HORIZON, size, size + 4)), zeros, *start)
 
 
 def test_a_solution_far_away_passes_for_none() -> None:
@@ -47,7 +45,7 @@ def test_a_qp_known_to_be_feasible_is_not_called_infeasible() -> None:
     solution = far_away(feasible=True)
     assert solution.status == "maximum iterations reached"
     assert solution.usable
-    assert solution.z[: 6 * (HORIZON + 1)].min() < -1.0  # on its way
+    assert solution.z[-HORIZON:].min() > 1.0  # on its way
 
 
 def test_ctrl_c_during_a_qp_is_not_osqps(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -72,8 +70,11 @@ def test_ctrl_c_during_a_qp_is_not_osqps(monkeypatch: pytest.MonkeyPatch) -> Non
 OPTIONS = QpOptions("stagewise", 1e-4, 1, polish=False, rho=1.0, feasible=True, interior_tolerance=1e-7)
 
 
-def workspace(reference: Reference | None, options: QpOptions = OPTIONS) -> tuple[QpWorkspace, list[tuple[Any, ...]]]:
-    """A workspace, and QPs' arguments (first the Jacobian): at places of a reference, or of a lane drive's plan.
+Arguments = tuple[Stages, np.ndarray, np.ndarray]  # stages, F_k, target
+
+
+def workspace(reference: Reference | None, options: QpOptions = OPTIONS) -> tuple[QpWorkspace, list[Arguments]]:
+    """A workspace, and QPs: at places of a reference, or of a lane drive's plan.
 
     OSQP is cut off at once, unless the options say otherwise. A lane drive's has further rows: slip and its end.
     """
@@ -83,9 +84,7 @@ def workspace(reference: Reference | None, options: QpOptions = OPTIONS) -> tupl
     if reference is None:
         bound_slip(problem, lane)
         bound_end(problem)
-    part = LinearQuadraticPart(problem)
-    qps = QpWorkspace(part, problem.dynamics, np.tile(STAGE_HESSIAN, (LENGTH, 1, 1)), options)
-    arguments = []
+    qps, arguments = QpWorkspace(problem.stages, options), []
     for s in (20.0, 40.0, 70.0):
         error = np.array([0.1, 0.5, 0.06, 0.5, 3.2, 0.05])  # outside the lane
         if reference is None:
@@ -95,18 +94,15 @@ def workspace(reference: Reference | None, options: QpOptions = OPTIONS) -> tupl
             data = ocp_data(reference, s, LENGTH, error)
         problem.set(data)
         z = problem.first_guess(data)
-        residual, jacobian = problem.dynamics.linearize(z)
-        gradient, _, low, high = part.data()
-        qps.set_jacobian(jacobian)
-        target = (qps.matrix @ z)[: residual.size] - residual
-        start = np.zeros(part.size), np.zeros(target.size + low.size)
-        arguments.append((jacobian, gradient, np.append(target, low), np.append(target, high), *start))
+        residual, f = problem.dynamics.linearize(z)
+        target = (constraint_matrix(problem.stages, f) @ z)[: residual.size] - residual
+        arguments.append((problem.stages, f, target.reshape(LENGTH, -1)))
     return qps, arguments
 
 
-def solve(qps: QpWorkspace, arguments: tuple[Any, ...], interior: bool = False) -> QpSolution:
-    qps.set_jacobian(arguments[0])
-    return qps.solve(*arguments[1:], interior)
+def solve(qps: QpWorkspace, arguments: Arguments, interior: bool = False) -> QpSolution:
+    stages = arguments[0]
+    return qps.solve(*arguments, np.zeros(stages.gradient.size), np.zeros(stages.multiplier_count), interior)
 
 
 @pytest.mark.parametrize("name", ["figure_8", None])
@@ -122,11 +118,10 @@ def test_the_interior_point_method_meets_the_optimality_conditions(
         found = solve(qps, arguments, interior)
         assert found.status == "solved"
         assert method == "stagewise" or found.second_attempt
-        matrix = qps.matrix
-        gradient, low, high = arguments[1:4]
+        stages, f, target = arguments
+        matrix, (low, high) = constraint_matrix(stages, f), row_limits(stages, target)
         rows = matrix @ found.z
-        blocks = np.tile(STAGE_HESSIAN, (LENGTH, 1, 1))
-        stationary = qps.hessian.times(blocks, found.z) + gradient + matrix.T @ found.y
+        stationary = cost_times(stages.hessian, found.z) + stages.gradient + matrix.T @ found.y
         np.testing.assert_allclose(stationary, 0.0, atol=1e-5)
         assert np.maximum(low - rows, rows - high).max() < 1e-5
         # A multiplier pushes from the bound that holds.
@@ -141,11 +136,11 @@ def test_the_two_methods_agree(references: dict[str, Reference], name: str | Non
     reference = name and references[name]
     qps, problems = workspace(reference, exact)
     other, _ = workspace(reference, dataclasses.replace(exact, method="stagewise"))
-    blocks = np.tile(STAGE_HESSIAN, (LENGTH, 1, 1))
     for arguments in problems:
+        stages = arguments[0]
         first, second = solve(qps, arguments), solve(other, arguments)
         assert first.status == second.status == "solved"
-        costs = [arguments[1] @ z + 0.5 * z @ qps.hessian.times(blocks, z) for z in (first.z, second.z)]
+        costs = [stages.gradient @ z + 0.5 * z @ cost_times(stages.hessian, z) for z in (first.z, second.z)]
         assert costs[0] == pytest.approx(costs[1], rel=1e-8)
         np.testing.assert_allclose(first.z, second.z, atol=1e-6)
 
@@ -161,7 +156,8 @@ def test_the_interior_point_method_replays_to_the_bit(references: dict[str, Refe
 
 def test_a_qp_without_a_solution_stays_unsolved(references: dict[str, Reference]) -> None:
     qps, problems = workspace(references["figure_8"])
-    jacobian, gradient, low, high, *start = problems[0]
-    inputs = slice(-3 * LENGTH, -LENGTH)
-    low[inputs], high[inputs] = 1.0, -1.0
-    assert solve(qps, (jacobian, gradient, low, high, *start)).status != "solved"
+    stages, f, target = problems[0]
+    rows, high = stages.bounds.first[1:] - 2, stages.bounds.high.copy()  # of torque
+    high[rows] = stages.bounds.low[rows] - 1.0
+    stages = stages._replace(bounds=stages.bounds._replace(high=high))
+    assert solve(qps, (stages, f, target)).status != "solved"

@@ -151,7 +151,10 @@ class Mpc:
         model = model or self.model
         self.problem.dynamics.model = model
         start = t + self.delay
-        now, at_start, later = (self._command(last, at) for at in (t, start, t + DT))
+        if last is None:
+            now = at_start = later = self._initial_command
+        else:
+            now, at_start, later = last.plan.commands(t, start, t + DT)
         curvature = np.atleast_1d(self.reference.path.curvature(s))
         step = model.step(x[None], now[None], later[None], curvature)[0] - x
         data = self._data(x + self.delay / DT * step, s + self.delay * x[1] * np.cos(x[5]), at_start)
@@ -213,10 +216,6 @@ class Mpc:
     def _data(self, x: Array, s: float, command: Array) -> OcpData:
         horizon = self.reference.horizon(s, DT, self.horizon)
         return OcpData(x, command, horizon.x_ref, horizon.curvature, horizon.e_min, horizon.e_max, horizon.u_ref)
-
-    def _command(self, last: MpcSolution | None, t: float) -> Array:
-        """The command that the last plan, or the initial command before there is any, has for time t."""
-        return self._initial_command if last is None else last.plan.command(t)
 
     def _shifted(self, primal: Array, steps: float, data: OcpData) -> Array:
         """The last solution read `steps` (a fraction of one, as a rule) later, from the state and command of now."""

@@ -226,19 +226,20 @@ class OptimalControlProblem(MathematicalProgram):
         states, _, slack = self.stages.split(gradient)
         states[:-1, :6] = -2.0 * q * STATE_SCALE * reference
         slack[:] = self.weights.lane_penalty
-        x_init, u_init = data.x_init / self.layout.state_scale, data.u_init / INPUT_SCALE
-        bounds, lane = self.stages.bounds, self.stages.bounds.first[:-1]
+        given = np.concatenate([data.x_init / self.layout.state_scale, data.u_init / INPUT_SCALE])
+        bounds, lane, free = self.stages.bounds, self.stages.bounds.first[:-1], np.full(n, np.inf)
         low, high = bounds.low.copy(), bounds.high.copy()
         low[lane], high[lane + 1] = data.e_min[1:], data.e_max[1:]
         self.stages = self.stages._replace(
-            gradient=gradient, constant=float(np.sum(q * reference * reference)), given=np.append(x_init, u_init),
+            gradient=gradient, constant=float(np.sum(q * reference * reference)), given=given,
             bounds=bounds._replace(low=low, high=high),
         )  # fmt: skip
         self._linear_cost.evaluator().UpdateCoefficients(gradient, self.stages.constant)
-        for binding, value in zip(self._given, (x_init, u_init), strict=True):
+        for binding, value in zip(self._given, (given[:-2], given[-2:]), strict=True):
             binding.evaluator().set_bounds(value, value)
-        both = np.concatenate([lane, lane + 1])
-        self._lane.evaluator().set_bounds(low[both], high[both])
+        self._lane.evaluator().set_bounds(
+            np.concatenate([data.e_min[1:], -free]), np.concatenate([free, data.e_max[1:]])
+        )
         self.dynamics.curvature = np.ascontiguousarray(data.curvature, dtype=float)
 
     def stack(self, x: Array, u: Array, slack: Array | None = None) -> Array:

@@ -26,7 +26,12 @@ class Plan(NamedTuple):
 
     def command(self, t: float) -> Array:
         """(delta [rad], tau [N m]) at time t [s], held constant beyond either end."""
-        return np.array(interpolate_plan(self.vector(), t, self.dt)[:2])
+        return self.commands(t)[0]
+
+    def commands(self, *times: float) -> Array:
+        """(delta [rad], tau [N m]) at each of the times [s], held constant beyond either end."""
+        vector = self.vector()
+        return np.array([interpolate_plan(vector, t, self.dt)[:2] for t in times])
 
     @classmethod
     def of(cls, vector: Array, dt: float = DT) -> "Plan | None":

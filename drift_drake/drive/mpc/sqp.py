@@ -203,7 +203,7 @@ class LineSearchSqp:
             return _Step(0.0, 0, point.z, point.y, point.residual, point.extra_cost, penalty, qp)
         direction = qp.z - point.z
         slope, quadratic_slope, bend, model_bend = along(
-            numbers.gradient, numbers.quadratic_gradient, stages, point.blocks, direction
+            numbers.gradient, numbers.quadratic_gradient, stages.hessian, point.blocks, stages.columns, direction
         )
         if numbers.violation > 1e-12:
             if options.exact_merit:

@@ -51,20 +51,6 @@ def cost_times(blocks: Array, z: Array) -> Array:
 
 
 @compiled
-def bounds_times(stages: Stages, z: Array) -> Array:
-    """The bounds' rows times a vector."""
-    values, first = stages.bounds.values, stages.bounds.first
-    out = np.empty(values.shape[0])
-    for k in range(first.size - 1):
-        for r in range(first[k], first[k + 1]):
-            total = 0.0
-            for j in range(values.shape[1]):
-                total += values[r, j] * z[stages.bound_columns[k, j]]
-            out[r] = total
-    return out
-
-
-@compiled
 def blocks_times(blocks: Array, columns: Index, z: Array) -> Array:
     """The sum of overlapping blocks [N, n+4, n+4] times a vector."""
     out = np.zeros(z.size)
@@ -137,11 +123,16 @@ def violations(residual: Array, stages: Stages, z: Array) -> tuple[float, float]
         outside = abs(z[stages.columns[0, i]] - value)
         total += outside
         largest = max(largest, outside)
-    for i, value in enumerate(bounds_times(stages, z)):
-        outside = max(stages.bounds.low[i] - value, value - stages.bounds.high[i])
-        if not outside <= 0.0:
-            total += outside
-            largest = max(largest, outside)
+    values, low, high, first = stages.bounds
+    for k in range(first.size - 1):
+        for r in range(first[k], first[k + 1]):
+            value = 0.0
+            for j in range(values.shape[1]):
+                value += values[r, j] * z[stages.bound_columns[k, j]]
+            outside = max(low[r] - value, value - high[r])
+            if not outside <= 0.0:
+                total += outside
+                largest = max(largest, outside)
     return total, largest if total < np.inf else total
 
 
@@ -177,9 +168,9 @@ def iterate(stages: Stages, extra: Array, residual: Array, f: Array, z: Array, y
 
 
 @compiled
-def along(gradient: Array, quadratic_gradient: Array, stages: Stages, blocks: Array,
+def along(gradient: Array, quadratic_gradient: Array, hessian: Array, blocks: Array, columns: Index,
           direction: Array) -> tuple[float, float, float, float]:  # fmt: skip
     """How the cost changes along a direction: its slope and that of its quadratic part, that one's bend, the QP's."""
-    bend = float(direction @ cost_times(stages.hessian, direction))
-    model_bend = float(direction @ blocks_times(blocks, stages.columns, direction))
+    bend = float(direction @ cost_times(hessian, direction))
+    model_bend = float(direction @ blocks_times(blocks, columns, direction))
     return float(gradient @ direction), float(quadratic_gradient @ direction), bend, model_bend

@@ -2,31 +2,20 @@
 
 import numpy as np
 
-from drift_drake.car.compilation import compiled
 from drift_drake.common.arrays import Array, Index
 from drift_drake.drive.qp.interior_point import Inequalities, interior_point
 from drift_drake.drive.qp.stages import StageBounds, Stages
 
 
-@compiled
 def one_sided(bounds: StageBounds) -> tuple[Inequalities, Index, Array]:
     """The bounds that there are, as inequalities from below; of each the row [M] that it is of, and 1 or -1 [M]."""
-    stages, carried = bounds.first.size - 1, bounds.values.shape[1] - 1
-    most = 2 * bounds.low.size
-    row, softness, bound = np.empty((most, carried)), np.empty(most), np.empty(most)
-    first, place, side = np.zeros(stages + 1, np.intp), np.empty(most, np.intp), np.empty(most)
-    count = 0
-    for k in range(stages):
-        for r in range(bounds.first[k], bounds.first[k + 1]):
-            for sign in (-1.0, 1.0):  # the lower bound last, as a slack's own row is
-                limit = bounds.low[r] if sign > 0.0 else -bounds.high[r]
-                if limit != -np.inf:
-                    row[count] = sign * bounds.values[r, :carried]
-                    softness[count], bound[count] = sign * bounds.values[r, carried], limit
-                    place[count], side[count] = r, sign
-                    count += 1
-        first[k + 1] = count
-    return Inequalities(row[:count], softness[:count], bound[:count], first), place[:count], side[:count]
+    # Of each row the lower bound last, as a slack's own row is.
+    limit = np.column_stack([-bounds.high, bounds.low]).ravel()
+    found = np.flatnonzero(limit != -np.inf)
+    place, side = found // 2, 2.0 * (found % 2) - 1.0
+    values = side[:, None] * bounds.values[place]
+    first = np.searchsorted(place, bounds.first)
+    return Inequalities(values[:, :-1].copy(), values[:, -1].copy(), limit[found], first), place, side
 
 
 def solve_stages(stages: Stages, f: Array, target: Array, z: Array, tolerance: float) -> tuple[Array, Array, bool, int]:

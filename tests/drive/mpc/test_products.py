@@ -10,7 +10,6 @@ from drift_drake.drive.mpc.ocp import OptimalControlProblem
 from drift_drake.drive.qp.products import (
     along,
     blocks_times,
-    bounds_times,
     cost_times,
     dual_residual,
     dynamics_times,
@@ -18,7 +17,7 @@ from drift_drake.drive.qp.products import (
     largest,
     violations,
 )
-from drift_drake.drive.qp.qp import constraint_matrix
+from drift_drake.drive.qp.qp import constraint_matrix, row_limits
 from drift_drake.drive.qp.stages import StageBounds, StageRows, Stages
 from drift_drake.drive.reference.trajectory import Reference
 
@@ -41,7 +40,10 @@ def test_products_by_stages_are_those_of_the_whole_matrices(references: dict[str
     residual, f = problem.dynamics.linearize(z)
     matrix = constraint_matrix(stages, f).toarray()
     np.testing.assert_allclose(dynamics_times(f, columns, z), matrix[: residual.size] @ z, **TOLERANCE)
-    np.testing.assert_allclose(bounds_times(stages, z), matrix[residual.size + 8 :] @ z, **TOLERANCE)
+    low, high = (limit[residual.size :] for limit in row_limits(stages, np.zeros((HORIZON, 6))))
+    rows = matrix[residual.size :] @ z
+    outside = np.append(np.abs(residual), np.maximum(np.maximum(low - rows, rows - high), 0.0))
+    np.testing.assert_allclose(violations(residual, stages, z), [outside.sum(), outside.max()], **TOLERANCE)
 
     blocks, whole = rng.normal(size=(HORIZON, 10, 10)), np.zeros((problem.size, problem.size))
     for block, place in zip(blocks, columns, strict=True):
@@ -53,7 +55,7 @@ def test_products_by_stages_are_those_of_the_whole_matrices(references: dict[str
     expected = np.abs(gradient + matrix.T @ y).max()
     assert dual_residual(gradient, stages, f, y) == pytest.approx(expected, rel=1e-12)
 
-    slope, quadratic_slope, bend, model_bend = along(gradient, 2.0 * gradient, stages, blocks, z)
+    slope, quadratic_slope, bend, model_bend = along(gradient, 2.0 * gradient, stages.hessian, blocks, columns, z)
     assert quadratic_slope == 2.0 * slope == pytest.approx(2.0 * gradient @ z, rel=1e-12)
     assert bend == pytest.approx(z @ dense_hessian(problem) @ z, rel=1e-12)
     assert model_bend == pytest.approx(z @ whole @ z, rel=1e-12)

@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 
 from drift_drake.car.double_track.parameters import DoubleTrackConstants, changed_constants
 from drift_drake.car.double_track.tyres import tire_force
+from drift_drake.car.effects.catalogue import CATALOGUE
 from drift_drake.car.effects.magnitudes import (
     INSTALLED_STATES,
     NO_MEMORY,
@@ -25,8 +26,10 @@ from drift_drake.car.single_track.motion import MIN_SLIP_SPEED, Motion, planar_m
 from drift_drake.car.single_track.motion_with_effects import road_wheel, slope_force, steering_rate
 
 LEAST_LOAD_SHARE = 0.02  # of an axle's load that its unloaded wheel keeps, and of the weight that an axle keeps
-NOT_OF_THIS_CAR = ("sliding_friction_drop", "tyre_thermal_fade", "longitudinal_load_transfer", "lateral_load_transfer",
-                   "differential_yaw_moment", "longitudinal_stiffness_error", *INSTALLED_STATES)  # fmt: skip
+NOT_OF_THIS_CAR = (
+    *(name for name, effect in CATALOGUE.items() if effect.double_track == "nothing"),
+    *INSTALLED_STATES,
+)
 """Effects that complete a single-track car and mean nothing here: this car has load transfer, sliding and a
 differential of its own; and those of other packages that have a state, which is none of this car's."""
 MIN_RELAXATION_SPEED = 1.0  # [m/s] floor of the speed at which a tyre rolls through its relaxation length

@@ -13,9 +13,9 @@ from contextlib import redirect_stdout, suppress
 from functools import cache
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
-from drift_drake.car.effects.record import COMMANDS, FUNCTIONS, PHYSICS, REFERENCE, Effect, InvalidExtensionError
+from drift_drake.car.effects.record import COMMANDS, FUNCTIONS, PHYSICS, REFERENCE, Effect, Fit, InvalidExtensionError
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.common.errors import one_line, shown
 from drift_drake.common.interruption import TerminatedError
@@ -27,6 +27,9 @@ TAKEN = {"none", "unknown", "tyre", "effects", *(field.name for field in datacla
 """Names of verdicts and of what a vehicle file holds."""
 NUMBERS = ("low", "high", "mass", "length", "radius", "daily")
 TEXTS = ("unit", "change", "shown_by")
+FLAGS = ("spread", "of_tyres_or_body", "varies", "factor", "share", "limit", "saturates", "at_the_limit", "resists",
+         "of_road")  # fmt: skip
+CHOICES = {"needs": LOG_COLUMNS, "remembers": COMMANDS, "fitted": get_args(Fit)}
 RESULTS = {"force": 3, "actuation": 2, "reading": 3, "rate": 1, "start": 1}  # how many numbers a function gives
 STATES = 100  # of a drive, in which physics are tried
 
@@ -83,6 +86,9 @@ def _check_record(where: str, effect: Effect) -> None:
     for name in TEXTS:
         if not isinstance(getattr(effect, name), str):
             raise InvalidExtensionError(f"{where}: {name} is {shown(getattr(effect, name))}; give a text")
+    for name in FLAGS:
+        if not isinstance(getattr(effect, name), bool):
+            raise InvalidExtensionError(f"{where}: {name} is {shown(getattr(effect, name))}; give True or False")
     for name in NUMBERS:
         try:
             number(getattr(effect, name))
@@ -95,7 +101,7 @@ def _check_record(where: str, effect: Effect) -> None:
             f"{where}: its range is {low:g} to {high:g} and daily {effect.daily:g}; let low be below high, high and "
             "daily above zero, and with 'spread' low too"
         )
-    for name, known in (("needs", LOG_COLUMNS), ("remembers", COMMANDS)):
+    for name, known in CHOICES.items():
         names = getattr(effect, name)
         if not isinstance(names, tuple) or not all(one in known for one in names):
             raise InvalidExtensionError(

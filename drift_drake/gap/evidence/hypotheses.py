@@ -11,13 +11,13 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
-from drift_drake.car.effects.catalogue import CATALOGUE
+from drift_drake.car.effects.catalogue import CATALOGUE, LIMITS
 from drift_drake.car.parameters import Constants, VehicleParameters
 from drift_drake.gap.estimation.baseline import Scatter, scatter_of
 from drift_drake.gap.estimation.normal import Normal
 from drift_drake.gap.estimation.scores import Day, summed
 from drift_drake.gap.evidence.left_over import LeftOver, left_over
-from drift_drake.gap.evidence.ranges import RATE_LIMIT, Range, at_end, clipped, farther, range_of, tried_first
+from drift_drake.gap.evidence.ranges import Range, at_end, clipped, farther, range_of, tried_first
 
 FADES = 0.2  # of the practical range, over which a prior falls off beyond it
 FINE = 24  # interpolated magnitudes between two of the grid
@@ -166,7 +166,7 @@ class Search:
 
     def _curve(self, name: str, follows: float, at_zero: np.ndarray) -> "Curve":
         curve = Curve(name, follows, [], [])
-        if name != RATE_LIMIT:  # whose zero is no limit at all
+        if name not in LIMITS:  # whose zero is no limit at all
             curve = Curve(name, follows, [0.0], [at_zero])
         for magnitude in sorted(set(tried_first(self.ranges[name]))):
             curve = curve.with_point(self, float(magnitude))
@@ -322,7 +322,7 @@ def follow(search: Search, curve: Curve) -> Curve:
 
     But for a rate limit, which acts the less there.
     """
-    for _ in range(EXTENSIONS if curve.name != RATE_LIMIT else 0):
+    for _ in range(EXTENSIONS if curve.name not in LIMITS else 0):
         r, q = search.ranges[curve.name], curve.best(search)[0]
         wider = farther(curve.name, r, search.vehicle)
         if not at_end(q, r) or wider == r:

@@ -208,8 +208,7 @@ def _stated(name: str, m: Interval, at_least: bool = False) -> str:
     unit = CATALOGUE[name].suffix
     numbers = [significant(q, significant_digits(m)) for q in (m.estimate, m.low, m.high)]
     if at_least:
-        # A rate limit acts the more the lower it is.
-        return f"{name} of {numbers[0]}{unit} at {'most' if name == 'steering_rate_limit' else 'least'}"
+        return f"{name} of {numbers[0]}{unit} at {'most' if CATALOGUE[name].limit else 'least'}"
     return f"{name} {numbers[0]}{unit} (95 %: {numbers[1]} to {numbers[2]})"
 
 

@@ -22,7 +22,7 @@ def corrected_reading(measured: Array, errors: Effects) -> Array:
     """A measured state [7] without its sensors' errors; the course takes over the sideslip's."""
     y = measured.copy()
     y[:4] = unbiased(*y[:4], errors)
-    y[MEASURED_STATE.index("dphi")] -= errors.sideslip_bias
+    y[MEASURED_STATE.index("dphi")] += y[2] - measured[2]
     return y
 
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import numpy as np
 import tyro
 
-from drift_drake.car.effects.catalogue import CATALOGUE, LIMITS
+from drift_drake.car.effects.catalogue import CATALOGUE, LIMITS, shown_by
 from drift_drake.car.log.table import run_paths
 from drift_drake.car.vehicle_file import read_vehicle
 from drift_drake.common.errors import InvalidOptionError, significant
@@ -107,8 +107,6 @@ def sentences(checked: "Checked") -> list[str]:
 
 def could_show(detection: dict[str, dict[str, Any]]) -> list[str]:
     """What the logs would show, what they could not, and what to drive for that."""
-    from drift_drake.gap.evidence.manoeuvres import shown_by
-
     if not detection:
         return []
     shown = {name: limit for name, limit in detection.items() if limit["least"] is not None}

@@ -20,6 +20,7 @@ identify; the same car with this effect alone as well; a double-track car."""
 REFERENCE = VehicleParameters()
 LEAST_SIGNED, LEAST_UNSIGNED = 0.2, 0.5  # of the size, or of the low end, of a practical range: below it is no gap
 PHYSICS = {"motion": "force", "actuator": "actuation", "sensor": "reading"}  # of a stage, the function that it needs
+READ = ("r", "v", "beta", "omega_r")  # readings that sensors' effects change
 FUNCTIONS = (*PHYSICS.values(), "rate", "start")
 COMMANDS = get_args(Command)
 
@@ -120,8 +121,11 @@ class Effect:
     possible: tuple[float, float] | None = None  # magnitudes that a vehicle can have; else several times the range
     limit: bool = False  # of something: it acts the more the lower it is
     saturates: bool = False  # acts otherwise upwards than downwards
+    asked: bool = False  # a sentence of a `none` states its detection limit
     at_the_limit: bool = False  # of grip alone it shows
+    scales: Literal["r", "v", "beta", "omega_r"] | None = None  # the reading that is multiplied by 1 + q
     resists: bool = False  # the motion, which less torque does too
+    rolls: bool = False  # with the body, whose roll and pitch the equations lack: its worth differs the more
     of_road: bool = False  # and of no car
     late: bool = False  # readings are late by the magnitude [s]; `sensor_latency` alone
     double_track: Literal["effect", "parameter", "nothing"] = "effect"  # what it is on a car that has both tracks

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
 
 from drift_drake.car.compilation import compiled
-from drift_drake.car.effects.catalogue import CATALOGUE, OFF_THE_MOTION
+from drift_drake.car.effects.catalogue import CATALOGUE, OFF_THE_MOTION, PARAMETRIC
 from drift_drake.car.effects.magnitudes import (
     COUNT,
     INSTALLED_STATES,
@@ -40,8 +40,6 @@ COMPLEX_STEP = 1e-30
 DIFFERENCES = 1e-7 * block_scale(MEMORY_SCALE)
 STABLE = 2.5  # times its settling time, up to which a step of Runge-Kutta is stable (2.78 at the limit)
 FASTEST = 30.0  # [m/s] at which slips still settle so
-PARAMETRIC = frozenset(name for name, effect in CATALOGUE.items() if effect.tolerance and effect.stage == "motion")
-"""Effects that only change the car's constants: nothing of the motion then depends on a memory."""
 BEYOND = tuple(name for name, effect in CATALOGUE.items() if name in OFF_THE_MOTION or "psi" in effect.needs)
 
 LAGGED = tuple(name for name, effect in CATALOGUE.items() if effect.delays == "delta_cmd")

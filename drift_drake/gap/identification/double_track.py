@@ -17,7 +17,7 @@ from drift_drake.car.double_track.parameters import (
     changed_constants,
 )
 from drift_drake.car.double_track.tyres import TireConstants
-from drift_drake.car.effects.catalogue import CATALOGUE, fitted
+from drift_drake.car.effects.catalogue import CATALOGUE, PARAMETRIC
 from drift_drake.car.effects.magnitudes import Effects, make_effects
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.common.arrays import Array
@@ -26,8 +26,11 @@ from drift_drake.gap.estimation.robust_fit import robust_fit
 from drift_drake.gap.estimation.unknowns import Unknown, unknown
 from drift_drake.gap.estimation.windows import WindowedRun
 
-EFFECTS = fitted("double_track")  # deviations of a vehicle file's parameters, and what else a driven car may have
-NO_PARAMETERS = tuple(name for name in EFFECTS if CATALOGUE[name].double_track == "effect")
+EFFECTS = tuple(  # deviations of a vehicle file's parameters but for the mass, and what else a driven car may have
+    name for name, effect in CATALOGUE.items()
+    if "double_track" in effect.fitted or effect.tolerance not in (None, "mass")
+)  # fmt: skip
+NO_PARAMETERS = [name for name in EFFECTS if CATALOGUE[name].double_track == "effect" and name not in PARAMETRIC]
 EVIDENCE = 0.2  # power of the criterion: each moment lies in five windows
 WIDTHS = (100.0, 8.0)  # of the loss (`robust_fit`)
 LARGEST_WHEELS = 0.45  # inertia of a rear wheel over that of the axle with engine and gearbox

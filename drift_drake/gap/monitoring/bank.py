@@ -15,8 +15,8 @@ import numpy as np
 
 from drift_drake.car.compilation import compiled
 from drift_drake.car.effects.catalogue import CATALOGUE, LIMITS, wheelbase
-from drift_drake.car.effects.delays import check_causal, command_delays
-from drift_drake.car.effects.magnitudes import COUNT, Effects, depends_on_heading
+from drift_drake.car.effects.delays import check_causal, command_delays, sensor_delay
+from drift_drake.car.effects.magnitudes import COUNT, MASS, Effects, depends_on_heading
 from drift_drake.car.parameters import Constants, VehicleParameters
 from drift_drake.car.scalar import fixed_tuple
 from drift_drake.car.single_track.motion_with_effects import road_wheel
@@ -139,9 +139,9 @@ def make_bank(
     Raises:
         InvalidVehicleError: by its own effects, commands would act before they are given.
     """
-    check_causal(own, "the calibrated car", own.sensor_latency)
+    check_causal(own, "the calibrated car", sensor_delay(own))
     cars = [own, *(node.car(own) for node in nodes)]
-    delays = [[(late + q.sensor_latency) / period for late in command_delays(q)] for q in cars]
+    delays = [[(late + sensor_delay(q)) / period for late in command_delays(q)] for q in cars]
     return Bank(
         period, np.array(vehicle.constants(), dtype=float), np.array(cars, dtype=float),
         np.array([without_actuators(q) for q in cars], dtype=float), np.array(delays),
@@ -153,8 +153,8 @@ def on_bank(bank: Bank, angle: float) -> Bank:
     """The bank of filters on a road that is known to be banked [rad], its left side higher."""
     if angle == 0.0:
         return bank
-    constants, at = Constants(*bank.constants), Effects._fields.index("mass_error")
-    weights = constants.mass * constants.gravity * (1.0 + bank.effects[:, at])
+    constants = Constants(*bank.constants)
+    weights = constants.mass * constants.gravity * (1.0 + bank.effects[:, MASS])
     pushes = bank.pushes.copy()
     pushes[:, 1] -= weights * np.sin(angle)
     return bank._replace(pushes=pushes)

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from markupsafe import Markup
 
-from drift_drake.car.effects.catalogue import CATALOGUE, LIMITS
+from drift_drake.car.effects.catalogue import CATALOGUE, LIMITS, shown_by
 from drift_drake.car.log.table import UNITS
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.common.errors import significant
@@ -29,7 +29,6 @@ from drift_drake.gap.estimation.reduction import (
     share_removed,
     start_rows,
 )
-from drift_drake.gap.evidence.manoeuvres import shown_by
 from drift_drake.gap.evidence.posterior import UNKNOWN, hypothesis_name
 from drift_drake.gap.evidence.ranges import REACH
 from drift_drake.view.pages.charts import LOW, NORMAL, Line, Panel, beside, heat_map, reach_of, stacked

@@ -223,6 +223,21 @@ def test_a_record_or_physics_with_a_flaw_is_named(tmp_path: Path, changes: str, 
     assert "\n" not in said
 
 
+def test_an_error_that_scales_a_reading_needs_no_function(tmp_path: Path) -> None:
+    source = "from drift_drake import Effect\nGAIN = Effect('-', -0.1, 0.1, 'yaw rate', 'sensor', scales='r')\n"
+    install_package(tmp_path, "gains", source, "effects", {"gain": "GAIN"})
+    asked = """
+from drift_drake.car.effects.magnitudes import make_effects, measured, unbiased
+from drift_drake.car.sensor_errors import SENSORS
+wrong = make_effects({"gain": 0.25, "gyro_gain_error": 0.25})
+assert measured(1.0, 2.0, 3.0, 4.0, wrong) == (1.5, 2.0, 3.0, 4.0)
+assert unbiased(1.5, 2.0, 3.0, 4.0, wrong) == (1.0, 2.0, 3.0, 4.0)
+assert SENSORS[-1] == "gain"
+"""
+    done = run(tmp_path, "-c", asked)
+    assert done.returncode == 0, done.stderr
+
+
 @pytest.mark.parametrize("source", ["import sys\nsys.exit(0)\n", "raise KeyError('no')\n", "raise GeneratorExit\n"])
 def test_a_package_that_ends_python_is_named(tmp_path: Path, source: str) -> None:
     install_package(tmp_path, "ending", source, "effects", {"push": "PUSH"})

@@ -24,7 +24,8 @@ from diagrams.command import run_command
 
 PACKAGE = "drift_drake"
 ROOT = Path(__file__).parents[1]
-EFFECTS = ("car/effects/magnitudes", "vehicle/effects")  # whose class `Effects` has an effect a field; today, before
+CATALOGUE = "car/effects/catalogue/"  # folder whose modules assign a dictionary of records
+EFFECTS = ("car/effects/magnitudes", "vehicle/effects")  # before, whose class `Effects` had an effect a field
 LOG = ("car/log/table", "logs/table")  # where a log's table is
 
 
@@ -67,6 +68,11 @@ class Tree:
 
     def effects(self) -> list[str]:
         """Names of the catalogue's effects."""
+        records = [n for name, tree in self.trees.items() if name.startswith(CATALOGUE) for n in tree.body
+                   if isinstance(n, ast.AnnAssign) and isinstance(n.value, ast.Dict)]  # fmt: skip
+        if records:
+            keys = [key for n in records if isinstance(n.value, ast.Dict) for key in n.value.keys]
+            return [key.value for key in keys if isinstance(key, ast.Constant) and isinstance(key.value, str)]
         tree = next(self.trees[name] for name in EFFECTS if name in self.trees)
         (fields,) = (n for n in tree.body if isinstance(n, ast.ClassDef) and n.name == "Effects")
         return [n.target.id for n in fields.body if isinstance(n, ast.AnnAssign) and isinstance(n.target, ast.Name)]

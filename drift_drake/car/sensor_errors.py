@@ -4,11 +4,12 @@ from typing import Any
 
 from pydrake.systems.framework import DiagramBuilder, LeafSystem, OutputPort
 
+from drift_drake.car.effects.catalogue import CATALOGUE
 from drift_drake.car.effects.magnitudes import Effects, unbiased
 from drift_drake.car.sensors import MEASURED_STATE
 from drift_drake.common.arrays import Array
 
-SENSORS = ("gyro_bias", "sideslip_bias", "wheel_radius_error", "gyro_gain_error", "speed_gain_error")
+SENSORS = tuple(name for name, effect in CATALOGUE.items() if effect.stage == "sensor" and not effect.late)
 """Errors that a reading can lose."""
 
 
@@ -21,7 +22,7 @@ def corrected_reading(measured: Array, errors: Effects) -> Array:
     """A measured state [7] without its sensors' errors; the course takes over the sideslip's."""
     y = measured.copy()
     y[:4] = unbiased(*y[:4], errors)
-    y[MEASURED_STATE.index("dphi")] -= errors.sideslip_bias
+    y[MEASURED_STATE.index("dphi")] += y[2] - measured[2]
     return y
 
 

@@ -10,6 +10,7 @@ from pydrake.systems.framework import Context, Diagram, DiagramBuilder, Discrete
 from pydrake.systems.primitives import RandomSource
 
 from drift_drake.car.compilation import compiled
+from drift_drake.car.effects.delays import sensor_delay
 from drift_drake.car.effects.magnitudes import COUNT, Effects, measured
 from drift_drake.car.scalar import fixed_tuple
 from drift_drake.car.single_track.motion import STATES
@@ -233,10 +234,10 @@ class Sensors(Diagram):
         self.noise_source = builder.AddNamedSystem("noise", source)
         sampler = builder.AddNamedSystem("sampler", SampleAndHold(noise, effects, period))
         builder.Connect(self.noise_source.get_output_port(), sampler.GetInputPort("noise"))
-        if effects.sensor_latency != 0.0:
+        if (late := sensor_delay(effects)) != 0.0:
             # Rows are taken where the sampler will look, so that nothing is interpolated.
-            offset = -effects.sensor_latency % period
-            latency = TransportDelay(len(SIGNALS), effects.sensor_latency, period, offset)
+            offset = -late % period
+            latency = TransportDelay(len(SIGNALS), late, period, offset)
             builder.AddNamedSystem("latency", latency)
             builder.Connect(signals.get_output_port(0), latency.get_input_port())
             builder.Connect(latency.get_output_port(), sampler.GetInputPort("signals"))

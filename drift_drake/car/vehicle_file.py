@@ -36,13 +36,8 @@ SIZES = {  # SI
 }
 LARGEST_TOLERANCE = 10.0
 REACH = 5.0  # times the larger end of the catalogue's range for a vehicle of this size
-LEAST_FACTOR = 0.05  # of an effect that multiplies a parameter by 1 + q
-FACTORS = (
-    "friction_level", "front_rear_friction_split", "front_stiffness_error", "rear_stiffness_error", "mass_error",
-    "yaw_inertia_error", "torque_gain_error", "drivetrain_inertia_error", "wheel_radius_error", "steering_ratio_error",
-    "gyro_gain_error", "speed_gain_error")  # fmt: skip
-SHARES = ("sliding_friction_drop", "lateral_load_transfer", "front_rear_friction_split")  # that leave some friction
-FASTEST_STEERING, SLOWEST_STEERING = 100.0, 0.01  # [rad/s]
+LEAST_FACTOR = 0.05  # of 1 + q that multiplies something, and of the friction that is left
+LEAST_ROLLED = 0.05  # of the practical range's low end, of a length that a tyre rolls
 FASTEST_SETTLING = 2e4  # [1/s]; the reference car's rim has 400, its body 30
 LEAST_SHARE_OF_WHEELBASE = 0.02  # by which the centre of gravity stays between the axles
 
@@ -92,14 +87,14 @@ def check_plausible(p: VehicleParameters, source: str = "vehicle") -> None:
 
 def effect_range(name: str, p: VehicleParameters) -> tuple[float, float]:
     """Magnitudes that an effect can have on this vehicle; zero switches an effect off."""
-    if name == "steering_rate_limit":
-        return SLOWEST_STEERING, FASTEST_STEERING
     info = CATALOGUE[name]
+    if info.possible:
+        return info.possible
     reach = REACH * max(abs(end) for end in info.range_for(p))
     low, high = (-reach if info.signed else 0.0), reach
-    if name in FACTORS:
+    if info.factor:
         low = max(low, LEAST_FACTOR - 1.0)
-    if name in SHARES:
+    if info.share:
         high = min(high, 1.0 - LEAST_FACTOR)
     return low, high
 
@@ -114,16 +109,17 @@ def check_effects(effects: Effects | Mapping[str, float], p: VehicleParameters, 
             raise InvalidVehicleError(
                 f"{source}: effects.{name} is {q:g}{unit}; no vehicle's is outside {low:g} to {high:g}{unit}"
             )
-    if 0.0 < magnitudes.get("tyre_relaxation", 0.0) < (least := 0.05 * CATALOGUE["tyre_relaxation"].range_for(p)[0]):
-        raise InvalidVehicleError(f"{source}: effects.tyre_relaxation is below {least:.2g} m; give 0 for none")
+        if CATALOGUE[name].rolled and 0.0 < q < (least := LEAST_ROLLED * CATALOGUE[name].range_for(p)[0]):
+            raise InvalidVehicleError(f"{source}: effects.{name} is below {least:.2g} m; give 0 for none")
+    changed = changed_constants(p.constants(), make_effects(dict(magnitudes)))
     least = LEAST_SHARE_OF_WHEELBASE * (p.front_axle_distance + p.rear_axle_distance)
-    shift = magnitudes.get("cg_shift", 0.0)
-    if min(p.front_axle_distance + shift, p.rear_axle_distance - shift) < least:
+    if min(changed.front_axle_distance, changed.rear_axle_distance) < least:
         raise InvalidVehicleError(
-            f"{source}: effects.cg_shift is {shift:g} m, which takes the centre of gravity to or over an axle; "
-            f"give one between {least - p.front_axle_distance:.3g} and {p.rear_axle_distance - least:.3g} m"
+            f"{source}: effects.cg_shift is {changed.front_axle_distance - p.front_axle_distance:g} m, which takes the "
+            f"centre of gravity to or over an axle; give one between {least - p.front_axle_distance:.3g} and "
+            f"{p.rear_axle_distance - least:.3g} m"
         )
-    _check_settling(changed_constants(p.constants(), make_effects(dict(magnitudes))), f"{source} with its effects")
+    _check_settling(changed, f"{source} with its effects")
 
 
 def _check_settling(c: Constants, source: str) -> None:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import numpy as np
 import tyro
 
-from drift_drake.car.effects.catalogue import CATALOGUE
+from drift_drake.car.effects.catalogue import CATALOGUE, LIMITS, shown_by
 from drift_drake.car.log.table import run_paths
 from drift_drake.car.vehicle_file import read_vehicle
 from drift_drake.common.errors import InvalidOptionError, significant
@@ -107,9 +107,6 @@ def sentences(checked: "Checked") -> list[str]:
 
 def could_show(detection: dict[str, dict[str, Any]]) -> list[str]:
     """What the logs would show, what they could not, and what to drive for that."""
-    from drift_drake.gap.evidence.manoeuvres import shown_by
-    from drift_drake.gap.evidence.ranges import RATE_LIMIT
-
     if not detection:
         return []
     shown = {name: limit for name, limit in detection.items() if limit["least"] is not None}
@@ -123,8 +120,9 @@ def could_show(detection: dict[str, dict[str, Any]]) -> list[str]:
         others = [f"{name} ({why})" for name, why in taken.items()]
         lines += ["could not be named, however large within their practical ranges:", *_wrapped(others)]
         lines += [f"  to see {', '.join(names)}: {words}" for words, names in shown_by(blind)]
-    if RATE_LIMIT not in detection:
-        lines.append(f"not judged here: {RATE_LIMIT}, which acts the more the lower it is")
+    lines += [
+        f"not judged here: {name}, which acts the more the lower it is" for name in sorted(LIMITS - set(detection))
+    ]
     return lines
 
 

@@ -5,14 +5,13 @@ import textwrap
 from pathlib import Path
 from typing import Any
 
-from drift_drake.car.effects.catalogue import CATALOGUE
+from drift_drake.car.effects.catalogue import CATALOGUE, shown_by
 from drift_drake.car.effects.installed import installed_effects
 from drift_drake.car.effects.record import FUNCTIONS
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.car.vehicle_file import read_vehicle
 from drift_drake.common.safe_files import try_outputs
 from drift_drake.common.standard_output import said_to, write_results
-from drift_drake.gap.evidence.manoeuvres import shown_by
 
 
 @dataclasses.dataclass(frozen=True)

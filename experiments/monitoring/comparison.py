@@ -19,7 +19,7 @@ import tyro
 
 from diagrams.command import run_command
 from drift_drake.car.double_track.motion import NOT_OF_THIS_CAR
-from drift_drake.car.effects.catalogue import CATALOGUE
+from drift_drake.car.effects.catalogue import CATALOGUE, LIMITS
 from drift_drake.car.effects.magnitudes import Effects, make_effects
 from drift_drake.car.log.table import Run
 from drift_drake.car.parameters import VehicleParameters
@@ -28,7 +28,6 @@ from drift_drake.common.run_folder import is_done, write_json, write_versions
 from drift_drake.drive.learnt.checkpoint import load_model
 from drift_drake.drive.learnt.command_lag import lagged_commands
 from drift_drake.drive.learnt.out_of_distribution import squared_distance, statistics
-from drift_drake.gap.evidence.ranges import RATE_LIMIT
 from drift_drake.gap.monitoring import bank as filters
 from drift_drake.gap.monitoring.evidence import ALARM, Sums, no_sums
 from drift_drake.gap.monitoring.monitor import SETTLING, Monitor, with_row
@@ -111,11 +110,11 @@ def drawn_change(
     for node, limit in zip(monitor.problem.nodes, found, strict=True):
         if node.name not in CATALOGUE or (plant == "double_track" and node.name in NOT_OF_THIS_CAR):
             continue
-        amplitude = 1.0 if node.name == RATE_LIMIT else TIMES_LIMIT * limit.detected
+        amplitude = 1.0 if node.name in LIMITS else TIMES_LIMIT * limit.detected
         sign = -1.0 if node.signed and rng.uniform() < 0.5 else 1.0
         q = sign * node.magnitude_at(amplitude) if node.signed else node.magnitude_at(amplitude)
         low, high = CATALOGUE[node.name].range_for(VehicleParameters())
-        reachable = TIMES_LIMIT * limit.detected <= 1.0 if node.name == RATE_LIMIT else low <= q <= high
+        reachable = TIMES_LIMIT * limit.detected <= 1.0 if node.name in LIMITS else low <= q <= high
         if reachable:
             candidates.setdefault(node.name, []).append((q, abs(q) / TIMES_LIMIT))
     if not candidates:

@@ -197,6 +197,12 @@ def test_the_command_line_says_so_in_one_sentence(tmp_path: Path, effects: dict[
         ("needs='psi'", "needs is 'psi'; give a tuple"),
         ("remembers=('r',)", "remembers is ('r',)"),
         ("force=7", "force is 7; give a function"),
+        ("limit=1", "limit is 1; give True or False"),
+        ("fitted=('always',)", "fitted is ('always',); give a tuple of some of further, drives, alone, double_track"),
+        ("drawn=(0.0, 1.0)", "drawn is (0.0, 1.0); give a Distribution"),
+        ("double_track='parameter'", "double_track is 'parameter'; give 'effect' or 'nothing'"),
+        ("scales='x', force=None, stage='sensor'", "scales is 'x'; give one of r, v, beta, omega_r"),
+        ("late=True", "hastens commands or delays readings; use the catalogue's own"),
         ("force=lambda *a: (0.0, a[-1])", "at a magnitude of zero; let it give|let it give 3 finite numbers"),
         ("force=lambda *a: (0.0, a[-1] * 1e309, 0.0)", "let it give 3 finite numbers"),
         ("force=lambda *a: 0.0", "its force fails (TypeError"),
@@ -215,6 +221,21 @@ def test_a_record_or_physics_with_a_flaw_is_named(tmp_path: Path, changes: str, 
     assert said.startswith("effect push (flawed:FLAWED): ")
     assert any(words in said for words in says.split("|"))
     assert "\n" not in said
+
+
+def test_an_error_that_scales_a_reading_needs_no_function(tmp_path: Path) -> None:
+    source = "from drift_drake import Effect\nGAIN = Effect('-', -0.1, 0.1, 'yaw rate', 'sensor', scales='r')\n"
+    install_package(tmp_path, "gains", source, "effects", {"gain": "GAIN"})
+    asked = """
+from drift_drake.car.effects.magnitudes import make_effects, measured, unbiased
+from drift_drake.car.sensor_errors import SENSORS
+wrong = make_effects({"gain": 0.25, "gyro_gain_error": 0.25})
+assert measured(1.0, 2.0, 3.0, 4.0, wrong) == (1.5, 2.0, 3.0, 4.0)
+assert unbiased(1.5, 2.0, 3.0, 4.0, wrong) == (1.0, 2.0, 3.0, 4.0)
+assert SENSORS[-1] == "gain"
+"""
+    done = run(tmp_path, "-c", asked)
+    assert done.returncode == 0, done.stderr
 
 
 @pytest.mark.parametrize("source", ["import sys\nsys.exit(0)\n", "raise KeyError('no')\n", "raise GeneratorExit\n"])

@@ -12,21 +12,21 @@ from typing import Any, NamedTuple
 
 from drift_drake.car.double_track.parameters import DoubleTrackConstants, changed_constants
 from drift_drake.car.double_track.tyres import tire_force
+from drift_drake.car.effects.catalogue import CATALOGUE
 from drift_drake.car.effects.magnitudes import (
     INSTALLED_STATES,
     NO_MEMORY,
     Effects,
-    installed_actuation,
-    installed_force,
+    actuation_of,
+    with_double_track_forces,
 )
 from drift_drake.car.parameters import InvalidVehicleError
 from drift_drake.car.scalar import absolute, clip, cos, jitable, maximum, select, sin, tanh
 from drift_drake.car.single_track.motion import MIN_SLIP_SPEED, Motion, planar_motion, wheel_acceleration
-from drift_drake.car.single_track.motion_with_effects import road_wheel, slope_force, steering_rate
+from drift_drake.car.single_track.motion_with_effects import axle_friction, road_wheel, steering_rate
 
 LEAST_LOAD_SHARE = 0.02  # of an axle's load that its unloaded wheel keeps, and of the weight that an axle keeps
-NOT_OF_THIS_CAR = ("sliding_friction_drop", "tyre_thermal_fade", "longitudinal_load_transfer", "lateral_load_transfer",
-                   "differential_yaw_moment", "longitudinal_stiffness_error", *INSTALLED_STATES)  # fmt: skip
+NOT_OF_THIS_CAR = (*(n for n, e in CATALOGUE.items() if e.double_track == "nothing"), *INSTALLED_STATES)
 """Effects that complete a single-track car and mean nothing here: this car has load transfer, sliding and a
 differential of its own; and those of other packages that have a state, which is none of this car's."""
 MIN_RELAXATION_SPEED = 1.0  # [m/s] floor of the speed at which a tyre rolls through its relaxation length
@@ -256,7 +256,7 @@ def double_track_motion(r: Any, v: Any, beta: Any, omega_r: Any, psi: Any, own: 
     p = changed_constants(nominal, q)
     delta = road_wheel(delta, q)
     lagged_steering = q.steering_lag + q.steering_rate_limit
-    steering, torque = installed_actuation(
+    steering, torque = actuation_of(
         select(0.0, lagged_steering, own.steering, delta) + q.steering_offset,
         select(0.0, q.torque_lag, own.torque, tau), v, q, NO_MEMORY)  # fmt: skip
 
@@ -264,14 +264,14 @@ def double_track_motion(r: Any, v: Any, beta: Any, omega_r: Any, psi: Any, own: 
     left, right = road_wheel_angles(steering, forces.front_left + forces.front_right, p)
     w = wheel_motion(r, v, beta, omega_r, left, right, own.rim_difference, own.roll_rate, p)
     ground_x, ground_y, m_z = ground_wrench(forces, left, right, p)
-    own_x, own_y, own_moment = installed_force(r, v, beta, omega_r, psi, p, q, NO_MEMORY)
     ground_x = ground_x - p.rolling_resistance * p.mass * p.gravity
-    drag, (slope_x, slope_y) = p.aero_drag * v * v, slope_force(psi, p.mass * p.gravity, q)
-    a_x = (ground_x - drag * cos(beta) + slope_x + force_x + own_x) / p.mass
-    a_y = (ground_y - drag * sin(beta) + slope_y + force_y + own_y) / p.mass
+    drag = p.aero_drag * v * v
+    wrench = ground_x - drag * cos(beta), ground_y - drag * sin(beta), m_z
+    f_x, f_y, m_z = with_double_track_forces(r, v, beta, omega_r, psi, p, q, NO_MEMORY, wrench)
+    a_x, a_y = (f_x + force_x) / p.mass, (f_y + force_y) / p.mass
     v_dot, beta_dot = planar_motion(r, v, beta, a_x, a_y)
 
-    axle_torque = p.gear_ratio * torque - q.drivetrain_friction * tanh(omega_r)
+    axle_torque = p.gear_ratio * torque - axle_friction(omega_r, q)
     left_x, right_x = forces.rear_left_x, forces.rear_right_x
     omega_r_dot = wheel_acceleration(axle_torque, left_x + right_x, p.wheel_radius, p.rear_axle_inertia)
     # The engine turns with the mean of the rear wheels: their difference moves the wheels alone.
@@ -294,7 +294,7 @@ def double_track_motion(r: Any, v: Any, beta: Any, omega_r: Any, psi: Any, own: 
         relaxed(w.rear_left_drive_slip, own.rear_left_drive_slip, w.rear_left_speed, drive),
         relaxed(w.rear_right_drive_slip, own.rear_right_drive_slip, w.rear_right_speed, drive),
     )
-    return Motion((m_z + moment + own_moment) / p.yaw_inertia, v_dot, beta_dot, omega_r_dot, a_x, a_y), rates
+    return Motion((m_z + moment) / p.yaw_inertia, v_dot, beta_dot, omega_r_dot, a_x, a_y), rates
 
 
 @jitable

@@ -6,13 +6,14 @@ in, a car that is driven now cannot (`check_causal`), and a simulated log is sta
 """
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
 from drift_drake.car.compilation import compiled
 from drift_drake.car.effects.catalogue import CATALOGUE
+from drift_drake.car.effects.joined import Function, over, plus
 from drift_drake.car.effects.magnitudes import Effects
 from drift_drake.car.effects.record import Command
 from drift_drake.car.parameters import InvalidVehicleError
@@ -22,29 +23,21 @@ from drift_drake.common.arrays import Array
 ROUNDING = 1e-9  # [s]
 
 DELAYS = tuple(name for name, effect in CATALOGUE.items() if effect.delays)
+LATE = tuple(name for name, effect in CATALOGUE.items() if effect.late)
 HASTENERS = tuple(name for name, effect in CATALOGUE.items() if effect.hastens)
 
 
-def _sum_of_delays(command: Command) -> Callable[[Effects], Any]:
-    total = jitable(lambda q: 0.0)  # noqa: ARG005
-    for name in DELAYS:
-        if CATALOGUE[name].delays == command:
-            total = jitable(_with_delay(total, Effects._fields.index(name)))
-    for name in HASTENERS:
-        if command in CATALOGUE[name].hastens:
-            total = jitable(_without_delay(total, Effects._fields.index(name)))
-    return total
+def _delay_of(command: Command) -> Function:
+    records = enumerate(CATALOGUE.values())
+    later = {
+        place: effect.delays == command for place, effect in records if command in (effect.delays, *effect.hastens)
+    }
+    late = over([place for place in later if later[place]], 0.0, plus)
+    early = over([place for place in later if not later[place]], 0.0, plus)
+    return jitable(lambda q: late(q) - early(q))
 
 
-def _with_delay(before: Any, index: int) -> Callable[[Effects], Any]:
-    return lambda q: before(q) + q[index]
-
-
-def _without_delay(before: Any, index: int) -> Callable[[Effects], Any]:
-    return lambda q: before(q) - q[index]
-
-
-_steering_delay, _torque_delay = _sum_of_delays("delta_cmd"), _sum_of_delays("tau_cmd")
+_steering_delay, _torque_delay = _delay_of("delta_cmd"), _delay_of("tau_cmd")
 
 
 @jitable
@@ -54,6 +47,11 @@ def command_delays(q: Effects) -> tuple[Any, Any]:
     Below zero where they act before the log says so.
     """
     return _steering_delay(q), _torque_delay(q)
+
+
+def sensor_delay(q: Effects) -> float:
+    """How late readings are [s]."""
+    return float(sum(getattr(q, name) for name in LATE))
 
 
 def check_causal(q: Effects, source: str, late: float = 0.0) -> None:

@@ -13,9 +13,19 @@ from contextlib import redirect_stdout, suppress
 from functools import cache
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
-from drift_drake.car.effects.record import COMMANDS, FUNCTIONS, PHYSICS, REFERENCE, Effect, InvalidExtensionError
+from drift_drake.car.effects.record import (
+    COMMANDS,
+    FUNCTIONS,
+    PHYSICS,
+    READ,
+    REFERENCE,
+    Distribution,
+    Effect,
+    Fit,
+    InvalidExtensionError,
+)
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.common.errors import one_line, shown
 from drift_drake.common.interruption import TerminatedError
@@ -27,6 +37,17 @@ TAKEN = {"none", "unknown", "tyre", "effects", *(field.name for field in datacla
 """Names of verdicts and of what a vehicle file holds."""
 NUMBERS = ("low", "high", "mass", "length", "radius", "daily")
 TEXTS = ("unit", "change", "shown_by")
+FLAGS = ("spread", "of_tyres_or_body", "varies", "factor", "share", "limit", "saturates", "asked", "at_the_limit",
+         "resists", "rolls", "of_road")  # fmt: skip
+KINDS: tuple[tuple[tuple[str, ...], Callable[[Any], bool], str], ...] = (
+    (TEXTS, lambda value: isinstance(value, str), "a text"),
+    (FLAGS, lambda value: isinstance(value, bool), "True or False"),
+    (FUNCTIONS, lambda value: value is None or callable(value), "a function"),
+    (("drawn", "drawn_wide"), lambda value: isinstance(value, Distribution | None), "a Distribution"),
+    (("scales",), lambda value: value in (None, *READ), f"one of {', '.join(READ)}"),
+    (("double_track",), lambda value: value in ("effect", "nothing"), "'effect' or 'nothing'"),
+)
+CHOICES = {"needs": LOG_COLUMNS, "remembers": COMMANDS, "fitted": get_args(Fit)}
 RESULTS = {"force": 3, "actuation": 2, "reading": 3, "rate": 1, "start": 1}  # how many numbers a function gives
 STATES = 100  # of a drive, in which physics are tried
 
@@ -74,15 +95,16 @@ def _loaded(point: EntryPoint) -> Effect:
     if not isinstance(effect, Effect):
         raise InvalidExtensionError(f"{where}: is no drift_drake.Effect; name one in the entry point")
     _check_record(where, effect)
-    (_check_delay if effect.delays or effect.hastens else _check_physics)(where, effect)
+    (_check_delay if effect.delays or effect.hastens or effect.late else _check_physics)(where, effect)
     return effect
 
 
 def _check_record(where: str, effect: Effect) -> None:
     """Sees that what the record says is of the right kind, and its range one."""
-    for name in TEXTS:
-        if not isinstance(getattr(effect, name), str):
-            raise InvalidExtensionError(f"{where}: {name} is {shown(getattr(effect, name))}; give a text")
+    for names, fits, wanted in KINDS:
+        for name in names:
+            if not fits(getattr(effect, name)):
+                raise InvalidExtensionError(f"{where}: {name} is {shown(getattr(effect, name))}; give {wanted}")
     for name in NUMBERS:
         try:
             number(getattr(effect, name))
@@ -95,24 +117,19 @@ def _check_record(where: str, effect: Effect) -> None:
             f"{where}: its range is {low:g} to {high:g} and daily {effect.daily:g}; let low be below high, high and "
             "daily above zero, and with 'spread' low too"
         )
-    for name, known in (("needs", LOG_COLUMNS), ("remembers", COMMANDS)):
+    for name, known in CHOICES.items():
         names = getattr(effect, name)
         if not isinstance(names, tuple) or not all(one in known for one in names):
             raise InvalidExtensionError(
                 f"{where}: {name} is {shown(names)}; give a tuple of some of {', '.join(known)}"
             )
-    for name in FUNCTIONS:
-        if not (getattr(effect, name) is None or callable(getattr(effect, name))):
-            raise InvalidExtensionError(f"{where}: {name} is {shown(getattr(effect, name))}; give a function")
 
 
 def _check_delay(where: str, effect: Effect) -> None:
     """Sees that a delay is nothing but one, of a command of the logs."""
     functions = [name for name in FUNCTIONS if getattr(effect, name) is not None]
-    if effect.hastens:
-        raise InvalidExtensionError(
-            f"{where}: hastens commands, as the catalogue's own command_clock_error does; use it"
-        )
+    if effect.hastens or effect.late:
+        raise InvalidExtensionError(f"{where}: hastens commands or delays readings; use the catalogue's own")
     if effect.delays not in COMMANDS or effect.stage != "command" or functions:
         raise InvalidExtensionError(
             f"{where}: delays '{effect.delays}' at stage '{effect.stage}' with {functions or 'no functions'}; let a "
@@ -128,6 +145,8 @@ def _check_physics(where: str, effect: Effect) -> None:
     """Sees that the effect's function is there, and does nothing at a magnitude of zero."""
     given = [name for name in PHYSICS.values() if getattr(effect, name) is not None]
     wanted = PHYSICS.get(effect.stage, "")
+    if effect.scales and effect.stage == "sensor" and not given:
+        return
     if given != [wanted]:
         stages = ", ".join(f"{name} for stage '{stage}'" for stage, name in (*PHYSICS.items(), ("command", "delays")))
         raise InvalidExtensionError(f"{where}: has stage '{effect.stage}' and {given or 'no physics'}; give {stages}")
@@ -254,12 +273,6 @@ def _check_state(where: str, effect: Effect) -> tuple[float, ...]:
             f"{where}: its state {state:g} or rate {rate:g} is not finite at a magnitude of zero; bound its divisor"
         )
     return (state,)
-
-
-def physics(kind: str) -> list[tuple[str, Callable[..., Any]]]:
-    """(name, function) of the installed effects that have a function of this kind (`force`, ..., `start`)."""
-    pairs = [(name, getattr(effect, kind)) for name, effect in installed_effects().items()]
-    return [(name, function) for name, function in pairs if function is not None]
 
 
 def fingerprint(tyres: Mapping[str, Callable[..., Any]]) -> str:

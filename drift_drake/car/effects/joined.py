@@ -1,49 +1,83 @@
-"""The physics of all installed effects as one function of each kind, compiled with the package's own."""
+"""The physics of the effects' records as one function of each kind, compiled with the cars' equations."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
-from drift_drake.car.effects.installed import installed_effects, physics
+from drift_drake.car.effects.catalogue import CATALOGUE
 from drift_drake.car.parameters import Constants
 from drift_drake.car.scalar import jitable
 
 Function = Callable[..., Any]
 
 
-def joined_physics(
-    effects: Sequence[str], memory: Sequence[str]
-) -> tuple[Function, Function, Function, Function, Function]:
-    """Actuation, force and reading of all installed effects, the rates of their states, and where these start.
+def joined_physics(effects: Sequence[str], memory: Sequence[str]) -> tuple[Function, ...]:
+    """Actuation and errors of readings of all effects, the rates of their states and where these start; a wrench
+    with the further forces on a single-track and on a double-track car.
 
     Args:
         effects, memory: names of the fields of `effects.Effects` and `effects.Memory`.
     """
 
-    def chain(kind: str, nothing: Function, join: Callable[..., Function]) -> Function:
+    def chain(kind: str, nothing: Function, join: Callable[..., Function], left_out: Sequence[str] = ()) -> Function:
         total = jitable(nothing)
-        for name, function in physics(kind):
-            remembers = installed_effects()[name].rate and kind != "start"
-            own = _own_numbers(effects.index(name), memory.index(name) if remembers else None)
-            total = jitable(join(total, jitable(function), jitable(own)))
+        for name, effect in CATALOGUE.items():
+            function = getattr(effect, kind)
+            if function is None or effect.double_track in left_out:
+                continue
+            state = memory.index(name) if effect.rate else None
+            total = jitable(join(total, jitable(function), effects.index(name), state))
         return total
 
     return (
         chain("actuation", lambda delta, tau, v, q, memory: (delta, tau), _after),  # noqa: ARG005
-        chain("force", lambda r, v, beta, omega_r, psi, car, q, memory: (0.0, 0.0, 0.0), _with_force),  # noqa: ARG005
         chain("reading", lambda r, beta, omega_r, q: (0.0, 0.0, 0.0), _with_error),  # noqa: ARG005
         chain("rate", lambda r, v, beta, omega_r, delta, tau, car, q, memory: (), _with_rate),  # noqa: ARG005
         chain("start", lambda r, v, beta, omega_r, delta, tau, car, q: (), _with_start),  # noqa: ARG005
+        _forces(effects, memory, ()),
+        _forces(effects, memory, ("parameter", "nothing")),
     )
+
+
+def _forces(effects: Sequence[str], memory: Sequence[str], left_out: Sequence[str]) -> Function:
+    """A wrench with the forces added; written out, since in a chain each function costs a compilation."""
+    known = dict[str, Function]()
+    lines = ["def total(r, v, beta, omega_r, psi, car, q, memory, wrench):", "x, y, m = wrench"]
+    for name, effect in CATALOGUE.items():
+        if effect.force is not None and effect.double_track not in left_out:
+            known[name] = jitable(effect.force)
+            state = f", memory[{memory.index(name)}]" if effect.rate else ""
+            lines.append(f"x_, y_, m_ = {name}(r, v, beta, omega_r, psi, car, q[{effects.index(name)}]{state})")
+            lines.append("x, y, m = x + x_, y + y_, m + m_")
+    exec("\n    ".join([*lines, "return x, y, m"]), known)
+    return jitable(known["total"])
+
+
+def over(places: Iterable[int], nothing: Any, join: Callable[[Function, int], Function]) -> Function:
+    """A function of all magnitudes: `nothing`, joined with those at these places (`plus`, `or_there`)."""
+    total = jitable(lambda q: nothing)  # noqa: ARG005
+    for place in places:
+        total = jitable(join(total, place))
+    return total
+
+
+def plus(before: Function, place: int) -> Function:
+    return lambda q: before(q) + q[place]
+
+
+def or_there(before: Function, place: int) -> Function:
+    return lambda q: before(q) or q[place] != 0.0
 
 
 def _own_numbers(index: int, place: int | None) -> Function:
     """An effect's magnitude, and its state behind it where it has one."""
     if place is None:
-        return lambda q, memory: (q[index],)  # noqa: ARG005
-    return lambda q, memory: (q[index], memory[place])
+        return jitable(lambda q, memory: (q[index],))  # noqa: ARG005
+    return jitable(lambda q, memory: (q[index], memory[place]))
 
 
-def _after(before: Any, change: Any, own: Any) -> Function:
+def _after(before: Any, change: Any, index: int, place: int | None) -> Function:
+    own = _own_numbers(index, place)
+
     def actuation(delta: Any, tau: Any, v: Any, q: Any, memory: Any) -> Any:
         angle, torque = before(delta, tau, v, q, memory)
         return change(angle, torque, v, *own(q, memory))
@@ -51,36 +85,27 @@ def _after(before: Any, change: Any, own: Any) -> Function:
     return actuation
 
 
-def _with_force(before: Any, force: Any, own: Any) -> Function:
-    def total(r: Any, v: Any, beta: Any, omega_r: Any, psi: Any, car: Constants, q: Any, memory: Any) -> Any:
-        x, y, moment = before(r, v, beta, omega_r, psi, car, q, memory)
-        more_x, more_y, more_moment = force(r, v, beta, omega_r, psi, car, *own(q, memory))
-        return x + more_x, y + more_y, moment + more_moment
-
-    return total
-
-
-def _with_error(before: Any, reading: Any, own: Any) -> Function:
+def _with_error(before: Any, reading: Any, index: int, _: None) -> Function:
     def total(r: Any, beta: Any, omega_r: Any, q: Any) -> Any:
-        errors, more = before(r, beta, omega_r, q), reading(r, beta, omega_r, *own(q, ()))
+        errors, more = before(r, beta, omega_r, q), reading(r, beta, omega_r, q[index])
         return errors[0] + more[0], errors[1] + more[1], errors[2] + more[2]
 
     return total
 
 
-def _with_rate(before: Any, rate: Any, own: Any) -> Function:
+def _with_rate(before: Any, rate: Any, index: int, place: int) -> Function:
     def rates(
         r: Any, v: Any, beta: Any, omega_r: Any, delta: Any, tau: Any, car: Constants, q: Any, memory: Any
     ) -> Any:
         others = before(r, v, beta, omega_r, delta, tau, car, q, memory)
-        return others + (rate(r, v, beta, omega_r, delta, tau, car, *own(q, memory)) + 0.0 * r,)  # noqa: RUF005
+        return others + (rate(r, v, beta, omega_r, delta, tau, car, q[index], memory[place]) + 0.0 * r,)  # noqa: RUF005
 
     return rates
 
 
-def _with_start(before: Any, start: Any, own: Any) -> Function:
+def _with_start(before: Any, start: Any, index: int, _: int) -> Function:
     def starts(r: Any, v: Any, beta: Any, omega_r: Any, delta: Any, tau: Any, car: Constants, q: Any) -> Any:
         others = before(r, v, beta, omega_r, delta, tau, car, q)
-        return others + (start(r, v, beta, omega_r, delta, tau, car, *own(q, ())) + 0.0 * r,)  # noqa: RUF005
+        return others + (start(r, v, beta, omega_r, delta, tau, car, q[index]) + 0.0 * r,)  # noqa: RUF005
 
     return starts

@@ -4,56 +4,30 @@ How effects act on the motion is the car's own (`car.single_track.motion_with_ef
 """
 
 from collections import namedtuple
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Self
 
+from drift_drake.car.effects.catalogue import CATALOGUE, HEADED, deviation_of
 from drift_drake.car.effects.installed import installed_effects
-from drift_drake.car.effects.joined import joined_physics
+from drift_drake.car.effects.joined import joined_physics, or_there, over, plus
+from drift_drake.car.effects.record import READ
 from drift_drake.car.scalar import jitable
 
 INSTALLED_STATES = tuple(name for name, effect in installed_effects().items() if effect.rate)
-HEADED = any("psi" in effect.needs for effect in installed_effects().values() if effect.force)
 
 
-class Effects(NamedTuple):
-    """Magnitudes of all effects, in the units of `catalogue.CATALOGUE`; zero switches an effect off.
+if TYPE_CHECKING:
 
-    Those that other packages install are fields too, behind these.
-    """
+    class Effects(tuple[Any, ...]):
+        """Magnitudes of all effects by name, in the units of `CATALOGUE` and in its order; zero switches one off."""
 
-    friction_level: Any = 0.0
-    front_rear_friction_split: Any = 0.0
-    front_stiffness_error: Any = 0.0
-    rear_stiffness_error: Any = 0.0
-    tyre_relaxation: Any = 0.0
-    sliding_friction_drop: Any = 0.0
-    tyre_thermal_fade: Any = 0.0
-    longitudinal_load_transfer: Any = 0.0
-    lateral_load_transfer: Any = 0.0
-    mass_error: Any = 0.0
-    yaw_inertia_error: Any = 0.0
-    cg_shift: Any = 0.0
-    steering_lag: Any = 0.0
-    steering_delay: Any = 0.0
-    steering_rate_limit: Any = 0.0
-    steering_offset: Any = 0.0
-    torque_lag: Any = 0.0
-    torque_gain_error: Any = 0.0
-    drivetrain_inertia_error: Any = 0.0
-    drivetrain_friction: Any = 0.0
-    aero_drag: Any = 0.0
-    rolling_resistance: Any = 0.0
-    road_grade: Any = 0.0
-    differential_yaw_moment: Any = 0.0
-    gyro_bias: Any = 0.0
-    sideslip_bias: Any = 0.0
-    wheel_radius_error: Any = 0.0
-    sensor_latency: Any = 0.0
-    steering_ratio_error: Any = 0.0
-    gyro_gain_error: Any = 0.0
-    speed_gain_error: Any = 0.0
-    road_bank: Any = 0.0
-    command_clock_error: Any = 0.0
-    longitudinal_stiffness_error: Any = 0.0
+        _fields: ClassVar[tuple[str, ...]]
+
+        def __new__(cls, *magnitudes: Any, **by_name: Any) -> Self: ...
+        def __getattr__(self, name: str) -> Any: ...
+        def _replace(self, **changes: Any) -> Self: ...
+        def _asdict(self) -> dict[str, Any]: ...
+else:
+    Effects = namedtuple("Effects", CATALOGUE, defaults=(0.0,) * len(CATALOGUE), module=__name__)
 
 
 class Memory(NamedTuple):
@@ -72,53 +46,50 @@ class Memory(NamedTuple):
     a_y: Any = 0.0  # [m/s^2] filtered
 
 
-def _longer(record: Any, more: tuple[str, ...]) -> Any:
-    """A named tuple with further fields behind its own, all zero by default."""
-    fields = (*record._fields, *more)
-    return namedtuple(record.__name__, fields, defaults=(0.0,) * len(fields), module=__name__)
-
-
-if not TYPE_CHECKING and installed_effects():
-    Effects = _longer(Effects, tuple(installed_effects()))
-    Memory = _longer(Memory, INSTALLED_STATES)
+if not TYPE_CHECKING and INSTALLED_STATES:
+    Memory = namedtuple("Memory", (*Memory._fields, *INSTALLED_STATES),
+                        defaults=(0.0,) * (len(Memory._fields) + len(INSTALLED_STATES)), module=__name__)  # fmt: skip
 
 COUNT = len(Effects._fields)
 MEMORIES = len(Memory._fields)
 NO_MEMORY = Memory()
 
-installed_actuation, installed_force, installed_reading, installed_rates, installed_starts = joined_physics(
-    Effects._fields, Memory._fields
+
+def _place(tolerance: str) -> int:
+    return Effects._fields.index(deviation_of(tolerance))
+
+
+MASS, YAW_INERTIA, SHIFT, FRICTION = map(_place, ("mass", "yaw_inertia", "front_axle_distance", "friction"))
+FRONT, REAR, AXLE, TORQUE = map(_place, ("front_stiffness", "rear_stiffness", "rear_axle_inertia", "torque"))
+
+physics = joined_physics(Effects._fields, Memory._fields)
+actuation_of, reading_errors, memory_rates, memory_starts, with_forces, with_double_track_forces = physics
+depends_on_heading = over(map(Effects._fields.index, sorted(HEADED)), False, or_there)
+_by_r, _by_v, _by_beta, _by_rim = (
+    over([i for i, effect in enumerate(CATALOGUE.values()) if effect.scales == name], 0.0, plus) for name in READ
 )
-
-
-@jitable
-def measured(r: Any, v: Any, beta: Any, omega_r: Any, q: Effects) -> tuple[Any, Any, Any, Any]:
-    """What wrong sensors read for the yaw rate, speed, sideslip and rim speed, latency aside."""
-    r_error, beta_error, rim_error = installed_reading(r, beta, omega_r, q)
-    by_r, by_v, by_beta, by_rim = reading_gains(q)
-    return (by_r * r + q.gyro_bias + r_error, by_v * v, by_beta * beta + q.sideslip_bias + beta_error,
-            by_rim * omega_r + rim_error)  # fmt: skip
-
-
-@jitable
-def unbiased(r: Any, v: Any, beta: Any, omega_r: Any, q: Effects) -> tuple[Any, Any, Any, Any]:
-    """What readings (yaw rate, speed, sideslip, rim speed) stand for: `measured` the other way, to first order."""
-    r_error, beta_error, rim_error = installed_reading(r, beta, omega_r, q)
-    by_r, by_v, by_beta, by_rim = reading_gains(q)
-    return ((r - q.gyro_bias - r_error) / by_r, v / by_v, (beta - q.sideslip_bias - beta_error) / by_beta,
-            (omega_r - rim_error) / by_rim)  # fmt: skip
 
 
 @jitable
 def reading_gains(q: Effects) -> tuple[Any, Any, Any, Any]:
     """What readings of the yaw rate, speed, sideslip and rim speed change by with what they are of."""
-    return 1.0 + q.gyro_gain_error, 1.0 + q.speed_gain_error, 1.0, 1.0 + q.wheel_radius_error
+    return 1.0 + _by_r(q), 1.0 + _by_v(q), 1.0 + _by_beta(q), 1.0 + _by_rim(q)
 
 
 @jitable
-def depends_on_heading(q: Effects) -> bool:
-    """Whether the motion depends on the heading."""
-    return HEADED or q.road_grade != 0.0
+def measured(r: Any, v: Any, beta: Any, omega_r: Any, q: Effects) -> tuple[Any, Any, Any, Any]:
+    """What wrong sensors read for the yaw rate, speed, sideslip and rim speed, latency aside."""
+    r_error, beta_error, rim_error = reading_errors(r, beta, omega_r, q)
+    by_r, by_v, by_beta, by_rim = reading_gains(q)
+    return by_r * r + r_error, by_v * v, by_beta * beta + beta_error, by_rim * omega_r + rim_error
+
+
+@jitable
+def unbiased(r: Any, v: Any, beta: Any, omega_r: Any, q: Effects) -> tuple[Any, Any, Any, Any]:
+    """What readings (yaw rate, speed, sideslip, rim speed) stand for: `measured` the other way, to first order."""
+    r_error, beta_error, rim_error = reading_errors(r, beta, omega_r, q)
+    by_r, by_v, by_beta, by_rim = reading_gains(q)
+    return (r - r_error) / by_r, v / by_v, (beta - beta_error) / by_beta, (omega_r - rim_error) / by_rim
 
 
 def combined(first: Effects, second: Effects) -> Effects:

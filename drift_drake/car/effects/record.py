@@ -7,16 +7,20 @@ own where it has a `rate`: that state is then their last argument.
 """
 
 import dataclasses
-from typing import Any, Literal, Protocol, get_args
+from typing import Any, Literal, NamedTuple, Protocol, get_args
 
 from drift_drake.car.parameters import Constants, VehicleParameters
 from drift_drake.common.errors import DriftDrakeError, unit_suffix
 
 Stage = Literal["command", "actuator", "motion", "sensor"]
 Command = Literal["delta_cmd", "tau_cmd"]
+Fit = Literal["further", "drives", "alone", "double_track"]
+"""Methods that look for an effect unasked: a calibration, where held-out prediction asks for it; the car that drives
+identify; the same car with this effect alone as well; a double-track car."""
 REFERENCE = VehicleParameters()
 LEAST_SIGNED, LEAST_UNSIGNED = 0.2, 0.5  # of the size, or of the low end, of a practical range: below it is no gap
 PHYSICS = {"motion": "force", "actuator": "actuation", "sensor": "reading"}  # of a stage, the function that it needs
+READ = ("r", "v", "beta", "omega_r")  # readings that sensors' effects change
 FUNCTIONS = (*PHYSICS.values(), "rate", "start")
 COMMANDS = get_args(Command)
 
@@ -64,6 +68,25 @@ class Start(Protocol):
         """That of a car that has driven so for long, arguments as of `Rate`."""
 
 
+class Distribution(NamedTuple):
+    """A normal distribution cut at `low` and `high`; a standard deviation of infinity makes it uniform."""
+
+    mean: float
+    deviation: float
+    low: float
+    high: float
+
+
+def normal(deviation: float, bound: float, mean: float = 0.0) -> Distribution:
+    """A normal distribution cut at `bound` from its mean."""
+    return Distribution(mean, deviation, mean - bound, mean + bound)
+
+
+def uniform(low: float, high: float) -> Distribution:
+    """A uniform distribution."""
+    return Distribution(0.5 * (low + high), float("inf"), low, high)
+
+
 @dataclasses.dataclass(frozen=True)
 class Effect:
     """One effect: unit, practical range, where it acts and what it needs to be seen.
@@ -93,6 +116,23 @@ class Effect:
     of_tyres_or_body: bool = False  # which the equations have in their own way: what it is worth differs by the driving
     varies: bool = False  # by less than a gap from one recording to the next, without anybody touching the car
     shown_by: str = ""  # the manoeuvre that shows it best, in words
+    factor: bool = False  # something is multiplied by 1 + q, which stays above zero
+    share: bool = False  # of the friction that it takes: below one
+    possible: tuple[float, float] | None = None  # magnitudes that a vehicle can have; else several times the range
+    limit: bool = False  # of something: it acts the more the lower it is
+    saturates: bool = False  # acts otherwise upwards than downwards
+    asked: bool = False  # a sentence of a `none` states its detection limit
+    at_the_limit: bool = False  # of grip alone it shows
+    scales: Literal["r", "v", "beta", "omega_r"] | None = None  # the reading that is multiplied by 1 + q
+    resists: bool = False  # the motion, which less torque does too
+    rolls: bool = False  # with the body, whose roll and pitch the equations lack: its worth differs the more
+    of_road: bool = False  # and of no car
+    late: bool = False  # readings are late by the magnitude [s]; `sensor_latency` alone
+    double_track: Literal["effect", "parameter", "nothing"] = "effect"  # what it is on a car that has both tracks
+    fitted: tuple[Fit, ...] = ()  # by which methods unasked
+    drawn: Distribution | None = None  # magnitudes of the simulated vehicles that a model is trained on
+    drawn_wide: Distribution | None = None  # of vehicles out of that distribution, where `drawn` has none
+    since: int = 1  # version of the package's own catalogue, by which vectors of magnitudes are ordered
     force: Force | None = None
     actuation: Actuation | None = None
     reading: Reading | None = None
@@ -108,6 +148,11 @@ class Effect:
     def signed(self) -> bool:
         """Whether the magnitude may have either sign."""
         return self.low < 0.0
+
+    @property
+    def rolled(self) -> bool:
+        """Whether the magnitude is a length that a tyre rolls before its force follows."""
+        return self.spread and self.unit == "m"
 
     def range_for(self, vehicle: VehicleParameters) -> tuple[float, float]:
         """Practical range of the magnitude for a car of another size (1.6 kg to 40 t)."""

@@ -6,6 +6,7 @@ import numpy as np
 from scipy.integrate import cumulative_trapezoid
 from scipy.signal import savgol_filter
 
+from drift_drake.car.effects.delays import sensor_delay
 from drift_drake.car.effects.magnitudes import Effects, unbiased
 from drift_drake.car.log.table import Run
 from drift_drake.car.parameters import VehicleParameters
@@ -38,7 +39,7 @@ class MeasuredMotion:
 
         A late sensor shows the state of this row `sensor_latency` later, and biases are taken off.
         """
-        at = min(row + round(effects.sensor_latency / period), len(self.smooth) - 1)
+        at = min(row + round(sensor_delay(effects) / period), len(self.smooth) - 1)
         r, v, beta, omega_r, *pose = (float(value) for value in self.smooth[at])
         r, v, beta, omega_r = unbiased(r, v, beta, omega_r, effects)
         return [r, v, beta, omega_r], pose

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
 
 from drift_drake.car.compilation import compiled
-from drift_drake.car.effects.catalogue import CATALOGUE, OFF_THE_MOTION
+from drift_drake.car.effects.catalogue import CATALOGUE, OFF_THE_MOTION, PARAMETRIC
 from drift_drake.car.effects.magnitudes import (
     COUNT,
     INSTALLED_STATES,
@@ -40,10 +40,9 @@ COMPLEX_STEP = 1e-30
 DIFFERENCES = 1e-7 * block_scale(MEMORY_SCALE)
 STABLE = 2.5  # times its settling time, up to which a step of Runge-Kutta is stable (2.78 at the limit)
 FASTEST = 30.0  # [m/s] at which slips still settle so
-PARAMETRIC = ("mass_error", "yaw_inertia_error", "cg_shift", "drivetrain_inertia_error", "torque_gain_error",
-              "friction_level", "front_stiffness_error", "rear_stiffness_error")  # fmt: skip
-"""Effects that only change the car's constants: nothing of the motion then depends on a memory."""
 BEYOND = tuple(name for name, effect in CATALOGUE.items() if name in OFF_THE_MOTION or "psi" in effect.needs)
+
+LAGGED = tuple(name for name, effect in CATALOGUE.items() if effect.delays == "delta_cmd")
 
 
 def on_the_motion(effects: Effects) -> Effects:
@@ -58,7 +57,8 @@ def planned_with(effects: Effects) -> Effects:
     was lost, with none all (validation).
     """
     motion = on_the_motion(effects)
-    return motion._replace(steering_lag=motion.steering_lag + effects.steering_delay)
+    late = sum(getattr(effects, name) for name in LAGGED)
+    return motion._replace(steering_lag=motion.steering_lag + late)
 
 
 class RememberingModel(Protocol):

@@ -7,13 +7,14 @@ the states of `Memory`. Transport delays act on the commands before they enter h
 
 from typing import Any
 
+from drift_drake.car.effects import magnitudes as place
 from drift_drake.car.effects.magnitudes import (
     Effects,
     Memory,
-    installed_actuation,
-    installed_force,
-    installed_rates,
-    installed_starts,
+    actuation_of,
+    memory_rates,
+    memory_starts,
+    with_forces,
 )
 from drift_drake.car.parameters import Constants
 from drift_drake.car.scalar import clip, cos, exp, jitable, maximum, minimum, norm2, select, sin, switched, tanh
@@ -41,16 +42,16 @@ RATE_LIMIT_TIME = 0.002  # [s] in which a rate-limited wheel settles on a comman
 def changed_constants(p: Constants, q: Effects) -> Constants:
     """The car with the effects that only change parameters."""
     return Constants(
-        p.mass * (1.0 + q.mass_error),
-        p.yaw_inertia * (1.0 + q.yaw_inertia_error),
-        p.front_axle_distance + q.cg_shift,
-        p.rear_axle_distance - q.cg_shift,
+        p.mass * (1.0 + q[place.MASS]),
+        p.yaw_inertia * (1.0 + q[place.YAW_INERTIA]),
+        p.front_axle_distance + q[place.SHIFT],
+        p.rear_axle_distance - q[place.SHIFT],
         p.wheel_radius,
-        p.rear_axle_inertia * (1.0 + q.drivetrain_inertia_error),
-        p.gear_ratio * (1.0 + q.torque_gain_error),
-        p.friction * (1.0 + q.friction_level),
-        p.front_stiffness * (1.0 + q.front_stiffness_error),
-        p.rear_stiffness * (1.0 + q.rear_stiffness_error),
+        p.rear_axle_inertia * (1.0 + q[place.AXLE]),
+        p.gear_ratio * (1.0 + q[place.TORQUE]),
+        p.friction * (1.0 + q[place.FRICTION]),
+        p.front_stiffness * (1.0 + q[place.FRONT]),
+        p.rear_stiffness * (1.0 + q[place.REAR]),
         p.gravity,
         p.front_coupling,
         p.tyre,
@@ -101,10 +102,9 @@ def road_wheel(delta: Any, q: Effects) -> Any:
 
 
 @jitable
-def slope_force(psi: Any, weight: Any, q: Effects) -> tuple[Any, Any]:
-    """Gravity's force (F_x, F_y) [N] on the body, from the heading psi [rad] and the weight [N]."""
-    uphill = weight * sin(q.road_grade)
-    return -switched(uphill, cos, psi), switched(uphill, sin, psi) - weight * sin(q.road_bank)
+def axle_friction(omega_r: Any, q: Effects) -> Any:
+    """Torque [N m] that opposes the rear axle at a rim speed [m/s]."""
+    return switched(q.drivetrain_friction, tanh, omega_r)
 
 
 @jitable
@@ -124,8 +124,7 @@ def motion_with_effects(r: Any, v: Any, beta: Any, omega_r: Any, psi: Any, memor
     lagged_steering = q.steering_lag + q.steering_rate_limit
     own_angle = select(0.0, lagged_steering, memory.steering, delta) + q.steering_offset
     own_torque = select(0.0, q.torque_lag, memory.torque, tau)
-    wheel_angle, torque = installed_actuation(own_angle, own_torque, v, q, memory)
-    own_x, own_y, own_moment = installed_force(r, v, beta, omega_r, psi, p, q, memory)
+    wheel_angle, torque = actuation_of(own_angle, own_torque, v, q, memory)
 
     (f_zf, f_zr), along = shifted_loads(memory.a_x, p, q), 1.0 + q.longitudinal_stiffness_error
     v_x, v_y = front_contact_velocity(r, v, beta, wheel_angle, p.front_axle_distance)
@@ -145,15 +144,12 @@ def motion_with_effects(r: Any, v: Any, beta: Any, omega_r: Any, psi: Any, memor
     f_xr, f_yr = tyre_force(along * sigma_x, sigma_rear, p.rear_stiffness, mu_rear * f_zr, p.tyre)
 
     f_x, f_y, m_z = body_wrench(wheel_angle, f_xf, f_yf, f_xr, f_yr, p.front_axle_distance, p.rear_axle_distance)
-    drag, weight = q.aero_drag * v * v, p.mass * p.gravity
-    slope_x, slope_y = slope_force(psi, weight, q)
-    f_x = f_x - drag * cos(beta) - q.rolling_resistance * weight + slope_x + force_x + own_x
-    f_y = f_y - drag * sin(beta) + slope_y + force_y + own_y
-    m_z = m_z - q.differential_yaw_moment * r * v + moment + own_moment
+    f_x, f_y, m_z = with_forces(r, v, beta, omega_r, psi, p, q, memory, (f_x, f_y, m_z))
+    f_x, f_y, m_z = f_x + force_x, f_y + force_y, m_z + moment
 
     a_x, a_y = f_x / p.mass, f_y / p.mass
     v_dot, beta_dot = planar_motion(r, v, beta, a_x, a_y)
-    axle_torque = p.gear_ratio * torque - switched(q.drivetrain_friction, tanh, omega_r)
+    axle_torque = p.gear_ratio * torque - axle_friction(omega_r, q)
     omega_r_dot = wheel_acceleration(axle_torque, f_xr + f_xf, p.wheel_radius, p.rear_axle_inertia)
 
     rates = (
@@ -166,7 +162,7 @@ def motion_with_effects(r: Any, v: Any, beta: Any, omega_r: Any, psi: Any, memor
         (a_x - memory.a_x) / LOAD_FILTER_TIME,
         (a_y - memory.a_y) / LOAD_FILTER_TIME,
     )
-    further = installed_rates(r, v, beta, omega_r, own_angle, own_torque, p, q, memory)
+    further = memory_rates(r, v, beta, omega_r, own_angle, own_torque, p, q, memory)
     return Motion(m_z / p.yaw_inertia, v_dot, beta_dot, omega_r_dot, a_x, a_y), Memory(*(rates + further))
 
 
@@ -177,9 +173,9 @@ def settled_memory(
     """Memory of a car that has been in this state for long, its tyres cold: where a run starts."""
     p = changed_constants(nominal, q)
     zero, steering = 0.0 * v, road_wheel(delta, q)
-    starts = installed_starts(r, v, beta, omega_r, steering + q.steering_offset, tau, p, q)
+    starts = memory_starts(r, v, beta, omega_r, steering + q.steering_offset, tau, p, q)
     unmoved = Memory(*((zero, zero, zero, zero, zero, zero, zero, zero) + starts))  # noqa: RUF005 (for numba)
-    angle, _ = installed_actuation(steering + q.steering_offset, tau, v, q, unmoved)
+    angle, _ = actuation_of(steering + q.steering_offset, tau, v, q, unmoved)
     v_x, v_y = front_contact_velocity(r, v, beta, angle, p.front_axle_distance)
     _, sigma_rear = rear_slip(r, v, beta, omega_r, p.rear_axle_distance)
     _, sigma_front = front_slip(v_x, v_y, omega_r, p.front_coupling)

@@ -13,28 +13,27 @@ import pandas as pd
 
 from drift_drake.car.double_track.parameters import DoubleTrackParameters
 from drift_drake.car.double_track.step_model import DoubleTrackStepModel
-from drift_drake.car.effects.catalogue import CATALOGUE
+from drift_drake.car.effects.catalogue import CATALOGUE, LIMITS, fitted
 from drift_drake.car.effects.magnitudes import Effects
 from drift_drake.car.known_car import KnownVehicle, known_car_model
 from drift_drake.car.log.table import COLUMNS, InvalidLogError, Run
 from drift_drake.car.parameters import InvalidVehicleError, VehicleParameters
 from drift_drake.car.sensor_errors import SENSORS
-from drift_drake.car.single_track.effects_step import BEYOND, EffectsStepModel
+from drift_drake.car.single_track.effects_step import BEYOND, LAGGED, EffectsStepModel
 from drift_drake.common.arrays import Array
 from drift_drake.common.errors import unit_suffix
 from drift_drake.gap.estimation.double_track_windows import double_track_errors
 from drift_drake.gap.estimation.windows import WindowedRun, errors
 from drift_drake.gap.identification.double_track import identify_double_track
-from drift_drake.gap.identification.identify import FURTHER, identify
+from drift_drake.gap.identification.identify import identify
 
 # Beside the vehicle's own parameters: what a driven car may have that a step of its model can hold.
-EFFECTS = (*FURTHER, "rolling_resistance", "drivetrain_friction", "differential_yaw_moment")
-ONE_MORE = ("steering_delay", "tyre_thermal_fade", "steering_rate_limit", "sensor_latency", "gyro_bias",
-            "sideslip_bias")  # fmt: skip
-BIASES = ("gyro_bias", "sideslip_bias")  # that a double-track car may have both of
+EFFECTS = fitted("drives")
+ONE_MORE = fitted("alone")
+BIASES = tuple(name for name in SENSORS if CATALOGUE[name].unit != "-")  # that a double-track car may have all of
 # Named, not driven with: a limit of the steering's rate, identified to 1 %, lost two cars of two that the oracle holds.
 LEAST_WINDOWS = 20  # of half a second, one each 0.2 s
-NOT_PLANNED = (*(name for name in BEYOND if name not in ("steering_delay", *SENSORS)), "steering_rate_limit")
+NOT_PLANNED = (*(name for name in BEYOND if name not in (*LAGGED, *SENSORS)), *sorted(LIMITS))
 
 
 class IdentifiedCar(NamedTuple):

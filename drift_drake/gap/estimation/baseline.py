@@ -188,7 +188,8 @@ def spread_of(shown: "Seen | Normal", names: tuple[str, ...], everyday: np.ndarr
 
 def variances_of_stretches(names: tuple[str, ...], scores: int) -> np.ndarray:
     """Variances [m], in units, of what effects and partial effects are worth from one stretch to the next."""
-    own = [MORE_SO.get(name, TYRES_AND_BODY) if CATALOGUE[name].of_tyres_or_body else 0.0 for name in names]
+    kinds = [CATALOGUE[name] for name in names]
+    own = [MORE_SO if one.rolls else TYRES_AND_BODY if one.of_tyres_or_body else 0.0 for one in kinds]
     return np.array(own + [PARTIAL_VARIES] * (scores - len(names))) ** 2
 
 

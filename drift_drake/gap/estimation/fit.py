@@ -7,7 +7,7 @@ from functools import cached_property
 import numpy as np
 from scipy.special import log_ndtr
 
-from drift_drake.car.effects.catalogue import REFERENCE
+from drift_drake.car.effects.catalogue import LIMITS, REFERENCE
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.gap.estimation.prior import bounds, is_gap, log_density, scale
 from drift_drake.gap.estimation.problem import (
@@ -144,7 +144,7 @@ def run_sensitivity(
 
     Parameters that do nothing under these effects are left out: of the commands before the first row, of a limiter.
     """
-    limited = "steering_rate_limit" in names
+    limited = not LIMITS.isdisjoint(names)
     shared = [column for column in range(len(NUISANCES)) if limited or column != LIMITER]
     starts = [
         len(NUISANCES) + 2 * index + kind for kind, under in enumerate(START_MATTERS) if under.intersection(names)

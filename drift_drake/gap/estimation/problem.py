@@ -12,7 +12,6 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from drift_drake.car.effects.catalogue import CATALOGUE
-from drift_drake.car.effects.delays import HASTENERS
 from drift_drake.car.effects.magnitudes import Effects, combined
 from drift_drake.car.log.table import Run
 from drift_drake.car.parameters import RELATIVE, Constants, VehicleParameters
@@ -59,7 +58,8 @@ FIRST_SIDESLIPS = tuple(float(b) for b in np.linspace(-0.8, 0.8, 17))  # [rad] t
 TRIAL_TIME = 1.0  # [s] over which they are judged, and which does not count afterwards
 WORST_INNOVATION = 1e4  # squares at which an innovation is capped in that judgement
 LATE_START = 0.2  # [s] that a filter of late sensors waits: the first rows may be held, not measured
-WAITED_FOR = frozenset({"sensor_latency", *HASTENERS})  # late sensors are an early clock of the commands as well
+# Late sensors are an early clock of the commands as well.
+WAITED_FOR = frozenset(name for name, info in CATALOGUE.items() if info.late or info.hastens)
 # Process noise of a car that is modelled well: standard deviation per root second of each filter state.
 PROCESS_NOISE = np.array([9e-4, 3e-3, 4.5e-4, 9e-3, 3e-5, 3e-4, 3e-4, 3e-4, 3e-4])
 FED_RIM = 2.0  # [m/s per root s] that the rim speed wanders by where no torque is logged

@@ -46,7 +46,7 @@ RECORDING_SHARE = 0.5  # of the least gap: what an effect deviates by from recor
 def units(names: Sequence[str], vehicle: VehicleParameters) -> np.ndarray:
     """Magnitudes [n] that derivatives are taken over."""
     sizes = [max(abs(q) for q in CATALOGUE[name].range_for(vehicle)) for name in names]
-    shares = [RATE_LIMIT_SHARE if name == "steering_rate_limit" else SHARE for name in names]
+    shares = [RATE_LIMIT_SHARE if CATALOGUE[name].limit else SHARE for name in names]
     return np.array(sizes) * np.array(shares)
 
 

@@ -9,16 +9,15 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from drift_drake.car.effects.catalogue import CATALOGUE, wheelbase
+from drift_drake.car.effects.catalogue import CATALOGUE, REFERENCE, wheelbase
 from drift_drake.car.effects.magnitudes import Effects
 from drift_drake.car.parameters import Tolerance, VehicleParameters
 from drift_drake.car.single_track.motion_with_effects import changed_constants
 
 OWN = tuple(name for name, info in CATALOGUE.items() if info.tolerance)  # deviations of the file's own parameters
-FIELDS = {  # of the vehicle file, that an effect is a deviation of
-    "torque_gain_error": "gear_ratio", "cg_shift": "front_axle_distance", "drivetrain_inertia_error":
-    "rear_axle_inertia", "friction_level": "friction", "front_stiffness_error": "front_stiffness",
-    "rear_stiffness_error": "rear_stiffness", "mass_error": "mass", "yaw_inertia_error": "yaw_inertia",
+FIELDS = {  # of the vehicle file, that an effect is a deviation of; a deviation of the torque is one of the gear ratio
+    name: {"torque": "gear_ratio"}.get(tolerance, tolerance)
+    for name in OWN if (tolerance := str(CATALOGUE[name].tolerance)) == "torque" or hasattr(REFERENCE, tolerance)
 }  # fmt: skip
 BROAD = Tolerance(  # standard deviations where the vehicle file states no tolerance
     mass=0.2,
@@ -32,6 +31,7 @@ BROAD = Tolerance(  # standard deviations where the vehicle file states no toler
     rear_stiffness=0.5,
     steering_offset=0.02,
 )
+SHIFTED = "front_axle_distance"  # whose deviation moves the rear axle the other way
 CAUTION = 2.0  # stated tolerances that a first guess may be off, as one standard deviation
 LEAST = -0.8  # relative deviation, below which a mass, an inertia or a stiffness makes no car
 LEAST_SHARE = 0.15  # of the wheelbase, between an axle and the centre of gravity
@@ -63,18 +63,18 @@ def unknown(name: str, vehicle: VehicleParameters, stated: frozenset[str]) -> Un
     bottom, top = info.range_for(vehicle)
     size = max(abs(bottom), abs(top))
     if info.tolerance:
-        prior = getattr(BROAD, info.tolerance) * (wheelbase(vehicle) if name == "cg_shift" else 1.0)
+        prior = getattr(BROAD, info.tolerance) * (wheelbase(vehicle) if info.tolerance == SHIFTED else 1.0)
         if info.tolerance in stated:
             prior = CAUTION * max(float(getattr(vehicle.tolerance, info.tolerance)), 1e-6)
         low, high = LEAST, -5.0 * LEAST
-        if name == "cg_shift":
+        if info.tolerance == SHIFTED:
             low = LEAST_SHARE * wheelbase(vehicle) - vehicle.front_axle_distance
             high = vehicle.rear_axle_distance - LEAST_SHARE * wheelbase(vehicle)
-        elif name == "steering_offset":
+        elif info.unit != "-":
             low, high = -FURTHEST * size, FURTHEST * size
         return Unknown(name, min(size, prior), prior, low, high, 0.0)
     low = -FURTHEST * size if info.signed else 0.0
-    if name == "tyre_relaxation":
+    if info.rolled:
         low = SHORTEST_RELAXATION * wheelbase(vehicle)
     start = 0.0 if info.signed else max(FIRST_SHARE * size, low)
     return Unknown(name, size, size, low, FURTHEST * size, start)
@@ -93,5 +93,5 @@ def magnitudes(names: Sequence[str], theta: np.ndarray) -> dict[str, float]:
 def folded(vehicle: VehicleParameters, effects: Effects) -> tuple[VehicleParameters, Effects]:
     """The same car with deviations of the file's own parameters put into the parameters; the other effects stay."""
     changed = changed_constants(vehicle.constants(), effects)
-    rest = effects._replace(**{name: 0.0 for name in OWN if name != "steering_offset"})
+    rest = effects._replace(**dict.fromkeys(FIELDS, 0.0))
     return vehicle.with_constants(changed), rest

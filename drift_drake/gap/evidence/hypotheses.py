@@ -11,13 +11,13 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
-from drift_drake.car.effects.catalogue import CATALOGUE
+from drift_drake.car.effects.catalogue import CATALOGUE, LIMITS, deviation_of
 from drift_drake.car.parameters import Constants, VehicleParameters
 from drift_drake.gap.estimation.baseline import Scatter, scatter_of
 from drift_drake.gap.estimation.normal import Normal
 from drift_drake.gap.estimation.scores import Day, summed
 from drift_drake.gap.evidence.left_over import LeftOver, left_over
-from drift_drake.gap.evidence.ranges import RATE_LIMIT, Range, at_end, clipped, farther, range_of, tried_first
+from drift_drake.gap.evidence.ranges import Range, at_end, clipped, farther, range_of, tried_first
 
 FADES = 0.2  # of the practical range, over which a prior falls off beyond it
 FINE = 24  # interpolated magnitudes between two of the grid
@@ -25,7 +25,8 @@ REFINED, ROUNDS = 8, 3  # leading hypotheses whose magnitudes are predicted anew
 SEEDS, PARTNERS, PAIR_STEPS = 3, 4, 4  # singles that pairs are grown from, partners each, Gauss-Newton steps
 TINY = 1e-3  # of a unit, for differences
 BUILD = 0.5  # `daily` below which an effect is of the car's build
-FOLLOWING = ("mass_error", "cg_shift")  # effects that move axle loads
+FOLLOWING = deviation_of("mass"), deviation_of("front_axle_distance")  # effects that move axle loads
+FRONT, REAR = deviation_of("front_stiffness"), deviation_of("rear_stiffness")
 SHARES = (0.0, 0.5, 1.0)  # of stiffness in proportion to the load that are tried
 EXTENSIONS = 2  # of the reach of a leading hypothesis
 
@@ -88,15 +89,11 @@ def with_load(name: str, magnitude: float, share: float, constants: Constants) -
     Args:
         constants: of the calibrated car, `cg_shift`'s axle distances.
     """
-    if name == "mass_error":
-        return {name: magnitude, "front_stiffness_error": share * magnitude, "rear_stiffness_error": share * magnitude}
-    if name == "cg_shift":
-        return {
-            name: magnitude,
-            "front_stiffness_error": -share * magnitude / float(constants.rear_axle_distance),
-            "rear_stiffness_error": share * magnitude / float(constants.front_axle_distance),
-        }
-    return {name: magnitude}
+    if name not in FOLLOWING:
+        return {name: magnitude}
+    distances = -float(constants.rear_axle_distance), float(constants.front_axle_distance)
+    front, rear = (1.0, 1.0) if name == FOLLOWING[0] else distances
+    return {name: magnitude, FRONT: share * magnitude / front, REAR: share * magnitude / rear}
 
 
 class Search:
@@ -166,7 +163,7 @@ class Search:
 
     def _curve(self, name: str, follows: float, at_zero: np.ndarray) -> "Curve":
         curve = Curve(name, follows, [], [])
-        if name != RATE_LIMIT:  # whose zero is no limit at all
+        if name not in LIMITS:  # whose zero is no limit at all
             curve = Curve(name, follows, [0.0], [at_zero])
         for magnitude in sorted(set(tried_first(self.ranges[name]))):
             curve = curve.with_point(self, float(magnitude))
@@ -322,7 +319,7 @@ def follow(search: Search, curve: Curve) -> Curve:
 
     But for a rate limit, which acts the less there.
     """
-    for _ in range(EXTENSIONS if curve.name != RATE_LIMIT else 0):
+    for _ in range(EXTENSIONS if curve.name not in LIMITS else 0):
         r, q = search.ranges[curve.name], curve.best(search)[0]
         wider = farther(curve.name, r, search.vehicle)
         if not at_end(q, r) or wider == r:

@@ -15,7 +15,6 @@ UNSIGNED_GRID = (0.1, 0.2, 0.35, 0.5, 0.7, 1.0)
 NO_GAP = 1.5  # tolerances of the calibrated car up to which a deviation of its parameters is no gap
 FARTHER = 2.0  # times the reach that is looked at where the most likely magnitude is at its end
 NEAR_END = 0.02  # of the reach
-RATE_LIMIT = "steering_rate_limit"  # acts the more the lower it is
 SURE = 1.645  # standard deviations of a one-sided 95 %
 AGAINST_NONE = 5.5  # [nats] that an effect's prior and the width of its range cost it beside none
 BESIDE_NONE = float(SURE + np.sqrt(SURE**2 + 2.0 * AGAINST_NONE))  # standard deviations that a shift must have

@@ -186,7 +186,7 @@ def prior_of(name: str, vehicle: VehicleParameters, stated: frozenset[str]) -> f
     car's every day, where that day's drives did not show it.
     """
     info = CATALOGUE[name]
-    bias = info.varies and (info.stage == "sensor" or name in ("road_grade", "road_bank"))
+    bias = info.varies and (info.stage == "sensor" or info.of_road)
     return float(between_recordings([name], vehicle)[0]) if bias else unknown(name, vehicle, stated).prior
 
 

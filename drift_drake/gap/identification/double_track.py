@@ -17,6 +17,7 @@ from drift_drake.car.double_track.parameters import (
     changed_constants,
 )
 from drift_drake.car.double_track.tyres import TireConstants
+from drift_drake.car.effects.catalogue import CATALOGUE, PARAMETRIC
 from drift_drake.car.effects.magnitudes import Effects, make_effects
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.common.arrays import Array
@@ -25,12 +26,11 @@ from drift_drake.gap.estimation.robust_fit import robust_fit
 from drift_drake.gap.estimation.unknowns import Unknown, unknown
 from drift_drake.gap.estimation.windows import WindowedRun
 
-EFFECTS = (  # of the catalogue: deviations of a vehicle file's parameters, and what else a driven car may have
-    "friction_level", "front_rear_friction_split", "front_stiffness_error", "rear_stiffness_error",
-    "yaw_inertia_error", "cg_shift", "torque_gain_error", "drivetrain_inertia_error", "drivetrain_friction",
-    "aero_drag", "rolling_resistance", "steering_lag", "torque_lag", "steering_offset",
+EFFECTS = tuple(  # deviations of a vehicle file's parameters but for the mass, and what else a driven car may have
+    name for name, effect in CATALOGUE.items()
+    if "double_track" in effect.fitted or effect.tolerance not in (None, "mass")
 )  # fmt: skip
-NO_PARAMETERS = ("drivetrain_friction", "steering_lag", "torque_lag", "steering_offset")  # of these, of any car
+NO_PARAMETERS = [name for name in EFFECTS if CATALOGUE[name].double_track == "effect" and name not in PARAMETRIC]
 EVIDENCE = 0.2  # power of the criterion: each moment lies in five windows
 WIDTHS = (100.0, 8.0)  # of the loss (`robust_fit`)
 LARGEST_WHEELS = 0.45  # inertia of a rear wheel over that of the axle with engine and gearbox
@@ -137,11 +137,12 @@ def _unknown(name: str, car: DoubleTrackConstants) -> Unknown:
 def _car(first: DoubleTrackConstants, found: Mapping[str, float]) -> tuple[DoubleTrackConstants, Effects]:
     """The car with magnitudes of the unknowns, and the effects among them."""
     own = {name: _moved(name, first, found[name]) for name in OWN}
+    effects = make_effects({name: q for name, q in found.items() if name not in OWN})
     total, share = own.pop("roll_stiffness"), own.pop("front_roll_share")
     longitudinal = {name: own.pop(name) / _first(name, first) for name in ("longitudinal_stiffness",
                                                                            "longitudinal_friction")}  # fmt: skip
     # It is a part of what turns with the axle.
-    rotating = first.rear_axle_inertia * (1.0 + found["drivetrain_inertia_error"])
+    rotating = float(changed_constants(first, effects).rear_axle_inertia)
     own["wheel_inertia"] = min(own["wheel_inertia"], LARGEST_WHEELS * rotating)
     of_tires = {name: own.pop(name) for name in tuple(own) if name in TireConstants._fields}
 
@@ -153,7 +154,7 @@ def _car(first: DoubleTrackConstants, found: Mapping[str, float]) -> tuple[Doubl
         **own, front_roll_stiffness=total * share, rear_roll_stiffness=total * (1.0 - share),
         front_tire=tire(first.front_tire), rear_tire=tire(first.rear_tire),
     )  # fmt: skip
-    return car, make_effects({name: q for name, q in found.items() if name not in OWN})
+    return car, effects
 
 
 def _moved(name: str, car: DoubleTrackConstants, by: float) -> float:

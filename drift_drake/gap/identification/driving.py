@@ -24,7 +24,6 @@ THROTTLE = 0.05  # of the friction limit, that both full throttle and lift-off o
 SHORT = 20.0  # [s]
 CALM = 0.2  # [s] of the measurements' smoothing: rates of noise are no driving
 TYRES = ("friction", "front_stiffness", "rear_stiffness", "front_axle_distance", "yaw_inertia", "mass")
-GRIP_EFFECTS = ("front_rear_friction_split", "sliding_friction_drop", "tyre_thermal_fade", "lateral_load_transfer")
 CIRCLES = "circles to the left and to the right at several speeds, slowly tightened until the car slides"
 SLIPPERY = "on a slippery road, a first guess of the friction near what the tyres reach there will do"
 ONE_RECORDING = "there is one recording"

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 import numpy as np
 
 from drift_drake.car.effects.catalogue import CATALOGUE, wheelbase
-from drift_drake.car.effects.delays import DELAYS, HASTENERS
 from drift_drake.car.effects.magnitudes import Effects
 from drift_drake.car.log.table import Run
 from drift_drake.car.parameters import InvalidVehicleError, VehicleParameters
@@ -15,7 +14,6 @@ from drift_drake.gap.estimation.problem import NUISANCES, TOLERANCES, Problem, f
 from drift_drake.gap.estimation.unknowns import BROAD
 
 PARAMETERS = NUISANCES[: TOLERANCES - 1]  # those of the vehicle itself; the rim speed's scale is the sensor's
-WITH_TORQUE = ("rolling_resistance", "aero_drag")  # unseen without its column, beside the effects that need it
 LONGEST_LAG = 0.5  # [s]
 RETARDATION = 0.3  # of the weight: the largest drag and rolling resistance
 LARGEST_SPLIT = 0.5
@@ -50,7 +48,7 @@ def widened(vehicle: VehicleParameters, known: Sequence[str]) -> VehicleParamete
 def shown_effects(effects: Sequence[str], runs: Sequence[Run]) -> list[str]:
     """Effects that the logs' columns can show."""
     torque = all(run.tau_cmd is not None for run in runs)
-    return [name for name in effects if torque or not (name in WITH_TORQUE or "tau_cmd" in CATALOGUE[name].needs)]
+    return [name for name in effects if torque or not (CATALOGUE[name].resists or "tau_cmd" in CATALOGUE[name].needs)]
 
 
 def effect_ranges(
@@ -59,17 +57,17 @@ def effect_ranges(
     """Flat priors of the effects, on the car's own scale; the diagnosis's ranges are a full-size car's."""
     top = max(float(np.max(run.v)) for run in runs)
     weight = vehicle.mass * vehicle.gravity
-    own = {
-        "aero_drag": (0.0, RETARDATION * weight / top**2),
-        "rolling_resistance": (0.0, RETARDATION),
-        "drivetrain_friction": (0.0, RETARDATION * weight * vehicle.wheel_radius),
-        "front_rear_friction_split": (-LARGEST_SPLIT, LARGEST_SPLIT),
-        "steering_lag": (0.0, LONGEST_LAG),
-        "torque_lag": (0.0, LONGEST_LAG),
-        **dict.fromkeys(DELAYS, (0.0, LONGEST_LAG)),
-        **dict.fromkeys(HASTENERS, (-LONGEST_LAG, LONGEST_LAG)),
-    }
-    return {name: own[name] for name in names if name in own}
+    retardation = {"N s^2/m^2": weight / top**2, "-": 1.0, "N m": weight * vehicle.wheel_radius, "N": weight}
+    own: dict[str, tuple[float, float]] = {}
+    for name in names:
+        info = CATALOGUE[name]
+        if info.resists and info.unit in retardation:
+            own[name] = 0.0, RETARDATION * retardation[info.unit]
+        elif info.share and info.signed:
+            own[name] = -LARGEST_SPLIT, LARGEST_SPLIT
+        elif info.unit == "s" and info.stage in ("command", "actuator"):
+            own[name] = -LONGEST_LAG if info.signed else 0.0, LONGEST_LAG
+    return own
 
 
 def first_magnitude(name: str, effects: Effects, low: float, high: float, share: float = FIRST_SHARE) -> float:

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from drift_drake.car.effects.catalogue import CATALOGUE
+from drift_drake.car.effects.catalogue import CATALOGUE, fitted
 from drift_drake.car.effects.magnitudes import Effects
 from drift_drake.car.log.table import InvalidLogError, Run, read_case, stated_noise
 from drift_drake.car.parameters import VehicleParameters
@@ -25,7 +25,7 @@ from drift_drake.gap.estimation.windows import stride_of, windowed
 from drift_drake.gap.identification.by_likelihood import NO_PEAK, identify_by_likelihood, stretched
 from drift_drake.gap.identification.by_prediction import PredictionFit, fit_by_prediction
 from drift_drake.gap.identification.calibration import Calibration, Identification, Parameter, directions, tied
-from drift_drake.gap.identification.driving import CIRCLES, GRIP_EFFECTS, ONE_RECORDING, SLIPPERY, STEPS, driving_of
+from drift_drake.gap.identification.driving import CIRCLES, ONE_RECORDING, SLIPPERY, STEPS, driving_of
 from drift_drake.gap.identification.estimate import Trust, check_effect_names
 from drift_drake.gap.identification.held_out import HeldOut
 from drift_drake.gap.identification.kept import held_still, kept_at_first_guess
@@ -33,10 +33,7 @@ from drift_drake.gap.identification.options import EFFECTS, KNOWN, Criterion
 from drift_drake.gap.identification.whiteness import whiteness
 
 WHITE = 0.1  # row weight of that fit, from which they are
-FURTHER = (  # that a car may have beside those asked for, taken in where held-out prediction asks for them
-    "steering_lag", "torque_lag", "aero_drag", "front_rear_friction_split", "longitudinal_load_transfer",
-    "lateral_load_transfer", "tyre_relaxation", "sliding_friction_drop", "longitudinal_stiffness_error",
-)  # fmt: skip
+FURTHER = fitted("further")  # that a car may have beside those asked for, taken in where held-out prediction asks
 
 
 @dataclasses.dataclass(frozen=True)
@@ -55,7 +52,7 @@ class Asked:
 
     def without_unseen(self, names: Sequence[str]) -> list[str]:
         """Effects of these names that the drives may show."""
-        return [name for name in names if not ("friction" in self.unseen and name in GRIP_EFFECTS)]
+        return [name for name in names if not ("friction" in self.unseen and CATALOGUE[name].at_the_limit)]
 
 
 def identify(
@@ -218,19 +215,18 @@ def stated_in_full(found: PredictionFit, why: list[str], asked: Asked, rows: int
     for u, sigma, wide in zip(found.unknowns, left.deviations, left.stated, strict=True):
         info = CATALOGUE[u.name]
         field = FIELDS.get(u.name)
-        scale = 1.0 if field is None or u.name == "cg_shift" else float(getattr(start, field))
+        scale = 1.0 if field is None or info.unit != "-" else float(getattr(start, field))
         origin = float(getattr(start, field)) if field else 0.0
         value = float(getattr(found.vehicle if field else found.effects, field or u.name))
         prior, sigma, wide = (float(min(q, u.prior)) * scale for q in (u.prior, sigma, wide))
         low, high = value - TWO_SIDED * wide, value + TWO_SIDED * wide
-        low = max(low, 0.0) if not info.signed or (field and u.name != "cg_shift") else low
+        low = max(low, 0.0) if not info.signed or (field and info.unit == "-") else low
         unit = VehicleParameters.__dataclass_fields__[field].metadata["unit"] if field else info.unit
         kind = "free" if u.name in OWN else "effect"
         first = origin if field else float(getattr(asked.effects, u.name))
         parameters[field or u.name] = Parameter(unit, first, value, low, high, wide, prior, 1.0, kind)
         if info.tolerance:
-            relative = info.tolerance not in ("front_axle_distance", "steering_offset")
-            changes[info.tolerance] = sigma / (value if relative else 1.0)
+            changes[info.tolerance] = sigma / (value if info.unit == "-" else 1.0)
     calibration = Calibration(
         case=asked.case, parameters=parameters, correlation=left.correlation.tolist(),
         not_identified=directions(parameters, left.correlation), tied=tied(list(parameters), left.correlation),
@@ -248,9 +244,8 @@ def beyond_stated(parameters: Mapping[str, Parameter], asked: Asked) -> list[str
     for name in OWN:
         info, field = CATALOGUE[name], FIELDS.get(name, name)
         if info.tolerance in asked.tolerances and field in parameters:
-            relative = info.tolerance not in ("front_axle_distance", "steering_offset")
             tolerance = float(getattr(asked.vehicle.tolerance, info.tolerance))
-            tolerances[field] = tolerance * (parameters[field].start if relative else 1.0)
+            tolerances[field] = tolerance * (parameters[field].start if info.unit == "-" else 1.0)
     return stretched({name: dataclasses.replace(parameters[name], kind="known", prior=max(tolerance, 1e-12))
                       for name, tolerance in tolerances.items()})  # fmt: skip
 

@@ -10,13 +10,13 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from drift_drake.car.effects.catalogue import CATALOGUE
+from drift_drake.car.effects.catalogue import CATALOGUE, LIMITS
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.common.errors import significant
 from drift_drake.gap.estimation.baseline import scatter_of, with_partial
 from drift_drake.gap.estimation.normal import Normal
 from drift_drake.gap.estimation.scores import Day, block_information
-from drift_drake.gap.evidence.ranges import BESIDE_NONE, BESIDE_RIVAL, RATE_LIMIT, REACH
+from drift_drake.gap.evidence.ranges import BESIDE_NONE, BESIDE_RIVAL, REACH
 
 TIMES = (1, 2, 4)  # as many recordings as there are
 SINGULAR = 1e-9  # of a scatter's largest direction, below which it is none
@@ -68,7 +68,7 @@ def limits(
     out: dict[str, float | None] = {}
     for name, unit, least in zip(normal.names, normal.units, np.maximum(BESIDE_NONE, BESIDE_RIVAL / apart) / size,
                                  strict=True):  # fmt: skip
-        if name != RATE_LIMIT:
+        if name not in LIMITS:
             info = CATALOGUE[name]
             magnitude = max(float(least * unit), info.least_for(vehicle))
             reach = REACH * max(abs(end) for end in info.range_for(vehicle))

@@ -14,9 +14,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from drift_drake.car.compilation import compiled
-from drift_drake.car.effects.catalogue import CATALOGUE, wheelbase
-from drift_drake.car.effects.delays import check_causal, command_delays
-from drift_drake.car.effects.magnitudes import COUNT, Effects, depends_on_heading
+from drift_drake.car.effects.catalogue import CATALOGUE, LIMITS, wheelbase
+from drift_drake.car.effects.delays import check_causal, command_delays, sensor_delay
+from drift_drake.car.effects.magnitudes import COUNT, MASS, Effects, depends_on_heading
 from drift_drake.car.parameters import Constants, VehicleParameters
 from drift_drake.car.scalar import fixed_tuple
 from drift_drake.car.single_track.motion_with_effects import road_wheel
@@ -44,11 +44,8 @@ from drift_drake.gap.estimation.filter_state import (
     without_actuators,
 )
 from drift_drake.gap.estimation.unknowns import added
-from drift_drake.gap.evidence.ranges import RATE_LIMIT
 
 SIGNED_AT = 0.5  # of the end of the practical range
-CURVED = ("friction_level", "front_rear_friction_split", "front_stiffness_error", "rear_stiffness_error")
-"""Signed effects that act otherwise upwards than downwards: tyres saturate."""
 UNSIGNED_AT = 0.5
 SPREAD_AT = (0.3, 0.8)  # of the practical range, in logarithms
 LIMITS_AT = (0.0, 0.5, 1.0)
@@ -76,7 +73,7 @@ class Node:
 
     def magnitude_at(self, amplitude: float) -> float:
         """The magnitude that an amplitude stands for."""
-        if self.name == RATE_LIMIT:
+        if self.name in LIMITS:
             return self.magnitude / max(amplitude, 0.1)
         return self.magnitude * (amplitude if self.signed else max(amplitude, 0.0))
 
@@ -89,13 +86,13 @@ def effect_nodes(name: str, vehicle: VehicleParameters) -> list[Node]:
     """Nodes of one effect: both signs, or spread over the range where an effect is far from linear."""
     info = CATALOGUE[name]
     low, high = info.range_for(vehicle)
-    if info.signed and name in CURVED:  # the practical range's end is one standard deviation
+    if info.signed and info.saturates:  # the practical range's end is one standard deviation
         return [Node(name, SIGNED_AT * end, 0.0, 1.0 / SIGNED_AT) for end in (low, high)]
     if info.signed:
         # Live, no command is known ahead: what hastens them is linear from its other side.
         end = low if info.hastens else high
         return [Node(name, SIGNED_AT * end, 0.0, 1.0 / SIGNED_AT, signed=True)]
-    if name == RATE_LIMIT:
+    if info.limit:
         return [Node(name, float(low * (high / low) ** share), 1.0, 0.3) for share in LIMITS_AT]
     if info.spread:
         return [Node(name, float(low * (high / low) ** share), 1.0, 0.6) for share in SPREAD_AT]
@@ -142,9 +139,9 @@ def make_bank(
     Raises:
         InvalidVehicleError: by its own effects, commands would act before they are given.
     """
-    check_causal(own, "the calibrated car", own.sensor_latency)
+    check_causal(own, "the calibrated car", sensor_delay(own))
     cars = [own, *(node.car(own) for node in nodes)]
-    delays = [[(late + q.sensor_latency) / period for late in command_delays(q)] for q in cars]
+    delays = [[(late + sensor_delay(q)) / period for late in command_delays(q)] for q in cars]
     return Bank(
         period, np.array(vehicle.constants(), dtype=float), np.array(cars, dtype=float),
         np.array([without_actuators(q) for q in cars], dtype=float), np.array(delays),
@@ -156,8 +153,8 @@ def on_bank(bank: Bank, angle: float) -> Bank:
     """The bank of filters on a road that is known to be banked [rad], its left side higher."""
     if angle == 0.0:
         return bank
-    constants, at = Constants(*bank.constants), Effects._fields.index("mass_error")
-    weights = constants.mass * constants.gravity * (1.0 + bank.effects[:, at])
+    constants = Constants(*bank.constants)
+    weights = constants.mass * constants.gravity * (1.0 + bank.effects[:, MASS])
     pushes = bank.pushes.copy()
     pushes[:, 1] -= weights * np.sin(angle)
     return bank._replace(pushes=pushes)

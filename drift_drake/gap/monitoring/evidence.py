@@ -12,10 +12,9 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import log_ndtr
 
-from drift_drake.car.effects.catalogue import CATALOGUE
+from drift_drake.car.effects.catalogue import CATALOGUE, LIMITS
 from drift_drake.gap.estimation.prior import TWO_SIDED
 from drift_drake.gap.evidence.posterior import NONE, UNKNOWN
-from drift_drake.gap.evidence.ranges import RATE_LIMIT
 from drift_drake.gap.monitoring.bank import FORCES, Node
 
 LEVELS = 7  # lengths 1, 2, ..., 64 blocks
@@ -334,7 +333,7 @@ def _nats(problem: EvidenceProblem, recent: History, verdict: Verdict) -> float:
     out = []
     for i in np.flatnonzero(problem.member[:, int(np.argmax(verdict.probabilities[1:-1]))]):
         node = problem.nodes[i]
-        ratio = node.magnitude / verdict.magnitude if node.name == RATE_LIMIT else verdict.magnitude / node.magnitude
+        ratio = node.magnitude / verdict.magnitude if node.name in LIMITS else verdict.magnitude / node.magnitude
         if ratio > 0.0 or node.signed:
             out.append(float(ratio * (m[:, i] @ w) - 0.5 * ratio**2 * (m[:, i] @ m[:, i])))
     return max(out, default=0.0)

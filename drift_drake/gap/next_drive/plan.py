@@ -15,7 +15,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from drift_drake.car.effects.delays import command_delays
+from drift_drake.car.effects.catalogue import HEADED
+from drift_drake.car.effects.delays import command_delays, sensor_delay
 from drift_drake.car.effects.magnitudes import Effects, magnitudes_of
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.car.single_track.effects_step import BEYOND, EffectsStepModel
@@ -178,7 +179,7 @@ def candidates(
     vehicle: VehicleParameters, sensing: Sensing, beliefs: Sequence[Belief], config: NextDriveConfig
 ) -> Iterator[NextDrive]:
     """All plans that keep within the lane, with what they are expected to tell by a linearised look ahead."""
-    graded = any("road_grade" in belief.names for belief in beliefs)
+    graded = any(HEADED.intersection(belief.names) for belief in beliefs)
     headings = HEADINGS if graded else HEADINGS[:1]
     names = tuple(belief.name for belief in beliefs)
     for kind, x, u in trajectories(vehicle, sensing, beliefs, config):
@@ -297,7 +298,7 @@ def as_rival(vehicle: VehicleParameters, own: Effects, belief: Belief) -> Rival:
 def stand_ins(effects: Effects) -> Effects:
     """Effects that a one-step model can have: delays as lags, a road's grade as a resistance, no sensors."""
     q: Mapping[str, Any] = effects._asdict()
-    late, (late_steering, late_torque) = q["sensor_latency"], command_delays(effects)
+    late, (late_steering, late_torque) = sensor_delay(effects), command_delays(effects)
     return effects._replace(
         steering_lag=q["steering_lag"] + max(late_steering + late, 0.0),
         torque_lag=q["torque_lag"] + max(late_torque + late, 0.0),

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from drift_drake.car.effects.catalogue import CATALOGUE
+from drift_drake.car.effects.catalogue import CATALOGUE, LIMITS
 from drift_drake.car.parameters import VehicleParameters
-from drift_drake.gap.evidence.ranges import BESIDE_NONE, BESIDE_RIVAL, RATE_LIMIT
+from drift_drake.gap.evidence.ranges import BESIDE_NONE, BESIDE_RIVAL
 from drift_drake.gap.identification.outlook import gains, limits, never, outlook, sentences, unknown_after
 
 
@@ -59,7 +59,7 @@ def test_more_recordings_bring_lower_limits(other_car):
     names, steps = normal.names, normal.units
     day = make_day(runs, found.vehicle.constants(), found.effects, names, steps, normal)
     told = outlook(day, normal, np.full(len(names), 4.0), other_car.guess)
-    assert set(told) == set(names) - {RATE_LIMIT}
+    assert set(told) == set(names) - LIMITS
     for now, twice, four in told.values():
         assert four is not None or twice is None
         assert twice is None or now is None or four <= twice * (1.0 + 1e-9) <= now * (1.0 + 2e-9)

@@ -9,7 +9,7 @@ from drift_drake.car.parameters import VehicleParameters
 from drift_drake.gap.estimation.filter_state import CHANNELS
 from drift_drake.gap.estimation.problem import PROCESS_NOISE, car, filter_case, make_problem
 from drift_drake.gap.monitoring import bank as filters
-from drift_drake.gap.monitoring.bank import RATE_LIMIT, Node, make_nodes
+from drift_drake.gap.monitoring.bank import Node, make_nodes
 
 VEHICLE = VehicleParameters()
 
@@ -29,8 +29,9 @@ def test_the_first_car_is_the_estimators_filter(changed_run, commands):
     np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-9)
 
 
-@pytest.mark.parametrize("name", ["steering_delay", "steering_lag", RATE_LIMIT, "torque_lag", "sensor_latency",
-                                  "command_clock_error", "steering_ratio_error", "road_bank"])  # fmt: skip
+@pytest.mark.parametrize("name", ["steering_delay", "steering_lag", "steering_rate_limit", "torque_lag",
+                                  "sensor_latency", "command_clock_error", "steering_ratio_error",
+                                  "road_bank"])  # fmt: skip
 def test_commands_pass_actuators_row_by_row_as_all_at_once(changed_run, commands, name):
     """A car of the bank alone is the estimator's filter of that effect."""
     problem = make_problem([changed_run], VEHICLE)

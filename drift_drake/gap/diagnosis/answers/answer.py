@@ -15,7 +15,7 @@ from drift_drake.gap.estimation.prior import Interval
 NAMED = 0.1  # probability from which a rival is named
 RIVALS = 3  # that are named; the others are counted
 MOSTLY = 0.5  # share of unfamiliar driving that a sentence states
-ASKED_FIRST = ("friction_level", "mass_error", "rear_stiffness_error", "steering_delay", "torque_gain_error")
+ASKED_FIRST = sorted((name for name, effect in CATALOGUE.items() if effect.asked), key=lambda n: -CATALOGUE[n].daily)
 """Effects whose detection limits the sentence of a `none` states; the others are in the answer and its report."""
 IMPLAUSIBLE = 3.0  # tolerances
 MOST_STRETCHED = 3  # deviations that a sentence names
@@ -208,8 +208,7 @@ def _stated(name: str, m: Interval, at_least: bool = False) -> str:
     unit = CATALOGUE[name].suffix
     numbers = [significant(q, significant_digits(m)) for q in (m.estimate, m.low, m.high)]
     if at_least:
-        # A rate limit acts the more the lower it is.
-        return f"{name} of {numbers[0]}{unit} at {'most' if name == 'steering_rate_limit' else 'least'}"
+        return f"{name} of {numbers[0]}{unit} at {'most' if CATALOGUE[name].limit else 'least'}"
     return f"{name} {numbers[0]}{unit} (95 %: {numbers[1]} to {numbers[2]})"
 
 

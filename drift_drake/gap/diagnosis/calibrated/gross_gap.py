@@ -12,6 +12,7 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 from scipy.optimize import minimize
 
+from drift_drake.car.effects.catalogue import LIMITS
 from drift_drake.gap.diagnosis.calibrated.posterior import tells_from_zero
 from drift_drake.gap.estimation.reduction import FOLDS, NOTHING_REMOVED, Reduction, reduction_of
 from drift_drake.gap.estimation.scores import Day
@@ -24,7 +25,7 @@ from drift_drake.gap.evidence.hypotheses import (
     effects_of,
 )
 from drift_drake.gap.evidence.posterior import PosteriorConstants, hypothesis_name
-from drift_drake.gap.evidence.ranges import RATE_LIMIT, at_end, at_shares, clipped, farther, tried_first
+from drift_drake.gap.evidence.ranges import at_end, at_shares, clipped, farther, tried_first
 from drift_drake.gap.evidence.ranking import DayRanked, concluded_from, prior
 
 FAR = 100.0  # mean square of a window, in scales, at which it counts half of what a diverged one does (Geman-McClure)
@@ -129,7 +130,7 @@ def widened_at_ends(search: Search, hypotheses: Sequence[Hypothesis]) -> set[str
     """
     ends = {name for h in hypotheses for name, q in zip(h.names, h.magnitudes, strict=True)
             if at_end(float(q), search.ranges[name])}  # fmt: skip
-    wider = {name: farther(name, search.ranges[name], search.vehicle) for name in ends - {RATE_LIMIT}}
+    wider = {name: farther(name, search.ranges[name], search.vehicle) for name in ends - LIMITS}
     wider = {name: r for name, r in wider.items() if r != search.ranges[name]}
     search.ranges |= wider
     return set(wider)

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from drift_drake.car.effects.catalogue import CATALOGUE
+from drift_drake.car.effects.catalogue import CATALOGUE, LIMITS
 from drift_drake.gap.diagnosis.likelihood.beliefs import (
     LEAST_PROBABILITY,
     MOST_FITTED,
@@ -23,7 +23,7 @@ from drift_drake.gap.estimation.windows import PREDICTED
 from drift_drake.gap.evidence.constants import OF_SCATTER, STANDS_FOR
 from drift_drake.gap.evidence.hypotheses import Curve, Hypothesis, Search, unusual
 from drift_drake.gap.evidence.posterior import PosteriorConstants, Ranked, hypothesis_name, log_prior
-from drift_drake.gap.evidence.ranges import BESIDE_NONE, BESIDE_RIVAL, RATE_LIMIT, Range, at_end
+from drift_drake.gap.evidence.ranges import BESIDE_NONE, BESIDE_RIVAL, Range, at_end
 
 WORTH = 4.0  # [s] of such a car's rows that are worth one independent measurement, between days
 PERIOD = 0.01  # [s] of a planned drive's rows
@@ -86,7 +86,7 @@ def limit_of(effect: Shifts, rivals: Sequence[Shifts]) -> DetectionLimit:
     margins += [distances(effect.at, rival.at) / BESIDE_RIVAL for rival in rivals]
     margin, names = np.array(margins), ["none", *(rival.name for rival in rivals)]
     # In the order in which an effect acts less and less.
-    strength = -effect.magnitudes if effect.name == RATE_LIMIT else np.abs(effect.magnitudes)
+    strength = -effect.magnitudes if effect.name in LIMITS else np.abs(effect.magnitudes)
     found: list[tuple[float, int]] = []
     closest = int(np.argmax(strength))
     for side in (effect.magnitudes < 0.0, effect.magnitudes > 0.0):

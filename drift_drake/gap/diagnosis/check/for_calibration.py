@@ -3,12 +3,11 @@
 import dataclasses
 from collections.abc import Sequence
 
-from drift_drake.car.effects.catalogue import CATALOGUE
+from drift_drake.car.effects.catalogue import CATALOGUE, shown_by
 from drift_drake.car.effects.magnitudes import Effects
 from drift_drake.car.log.table import Run
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.common.errors import significant
-from drift_drake.gap.evidence.manoeuvres import shown_by
 from drift_drake.gap.identification.driving import Driving, Missing, driving_of
 from drift_drake.gap.identification.forecast import forecast
 from drift_drake.gap.identification.kept import EFFECT_OF, NEVER

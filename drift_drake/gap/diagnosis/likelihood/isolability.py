@@ -5,12 +5,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from drift_drake.car.effects.catalogue import CATALOGUE
+from drift_drake.car.effects.catalogue import CATALOGUE, LIMITS
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.gap.estimation.fit import MAGNITUDE_STEP, Fit, parameter_limits, prior_precision, run_sensitivity
 from drift_drake.gap.estimation.prior import scale, starts
 from drift_drake.gap.estimation.problem import Gains, Problem, counted, filter_case, observe
-from drift_drake.gap.evidence.ranges import BESIDE_NONE, BESIDE_RIVAL, RATE_LIMIT, REACH
+from drift_drake.gap.evidence.ranges import BESIDE_NONE, BESIDE_RIVAL, REACH
 
 SMALL = 0.05  # of an effect's scale
 
@@ -40,7 +40,7 @@ class Isolability:
         out: dict[str, dict[str, object]] = {}
         alike = self.likeness - np.eye(len(self.names))
         for i, name in enumerate(self.names):
-            if name == RATE_LIMIT:
+            if name in LIMITS:
                 continue
             rival = int(np.argmax(alike[i]))
             apart = np.sqrt(max(1.0 - float(alike[i, rival]) ** 2, 1e-12))
@@ -77,7 +77,7 @@ def isolability(problem: Problem, fit: Fit, names: Sequence[str], small: bool = 
 def _signature(problem: Problem, gains: Gains, fit: Fit, name: str, small: bool, index: int) -> np.ndarray:
     """What a unit of one effect does to one run's innovations that count."""
     names = fit.names if name in fit.names else (*fit.names, name)
-    begin = 0.0 if small and name != RATE_LIMIT else starts(name, problem.vehicle)[0]
+    begin = 0.0 if small and name not in LIMITS else starts(name, problem.vehicle)[0]
     theta = fit.theta if name in fit.names else np.append(fit.theta, begin)
     at = names.index(name) + problem.nuisances
     step = (SMALL if small else MAGNITUDE_STEP) * scale(name, problem.vehicle)

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 from markupsafe import Markup
 
-from drift_drake.car.effects.catalogue import CATALOGUE
+from drift_drake.car.effects.catalogue import CATALOGUE, shown_by
 from drift_drake.car.log.table import UNITS
 from drift_drake.gap.diagnosis.answers.answer import in_words
 from drift_drake.gap.diagnosis.calibrated.changed_car import squares
@@ -18,7 +18,6 @@ from drift_drake.gap.estimation.reduction import STATES
 from drift_drake.gap.estimation.robust_fit import MAD
 from drift_drake.gap.estimation.scores import Day
 from drift_drake.gap.estimation.windows import HORIZONS, WindowedRun, regimes
-from drift_drake.gap.evidence.manoeuvres import shown_by
 from drift_drake.gap.evidence.posterior import UNKNOWN
 from drift_drake.gap.evidence.ranges import REACH
 from drift_drake.view.pages.charts import LOW, NORMAL, Line, Panel, beside, reach_of, stacked

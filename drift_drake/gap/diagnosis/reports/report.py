@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from markupsafe import Markup
 
-from drift_drake.car.effects.catalogue import CATALOGUE
+from drift_drake.car.effects.catalogue import CATALOGUE, LIMITS, shown_by
 from drift_drake.car.log.table import UNITS
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.common.errors import significant
@@ -29,9 +29,8 @@ from drift_drake.gap.estimation.reduction import (
     share_removed,
     start_rows,
 )
-from drift_drake.gap.evidence.manoeuvres import shown_by
 from drift_drake.gap.evidence.posterior import UNKNOWN, hypothesis_name
-from drift_drake.gap.evidence.ranges import RATE_LIMIT, REACH
+from drift_drake.gap.evidence.ranges import REACH
 from drift_drake.view.pages.charts import LOW, NORMAL, Line, Panel, beside, heat_map, reach_of, stacked
 from drift_drake.view.pages.page import GLOSSARY, Source, page_html
 
@@ -67,8 +66,8 @@ def limit_rows(limits: Mapping[str, Mapping[str, object]], vehicle: VehicleParam
             continue
         low, high = info.range_for(vehicle)
         # A rate limit acts the more the lower it is.
-        share = low / least if name == RATE_LIMIT else least / max(abs(low), abs(high))
-        text = f"{'up to ' if name == RATE_LIMIT else '±' if info.signed else ''}{significant(least, 2)}{unit}"
+        share = low / least if name in LIMITS else least / max(abs(low), abs(high))
+        text = f"{'up to ' if name in LIMITS else '±' if info.signed else ''}{significant(least, 2)}{unit}"
         rows.append(LimitRow(name, True, share, text, taken_for))
     return sorted(rows, key=lambda row: (not row.named, row.share))
 

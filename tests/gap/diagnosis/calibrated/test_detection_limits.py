@@ -9,7 +9,7 @@ from drift_drake.car.effects.catalogue import CATALOGUE
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.gap.diagnosis.calibrated.posterior import detection_limits, distances
 from drift_drake.gap.evidence.hypotheses import Curve
-from drift_drake.gap.evidence.ranges import AGAINST_NONE, RATE_LIMIT, REACH, SURE, range_of
+from drift_drake.gap.evidence.ranges import AGAINST_NONE, REACH, SURE, range_of
 
 BESIDE_NONE = SURE + np.sqrt(SURE**2 + 2.0 * AGAINST_NONE)
 FINE = 0.002  # relative spacing of the magnitudes that are tried
@@ -90,11 +90,11 @@ def test_no_limit_is_below_what_counts_as_a_gap_or_beyond_the_reach():
 def test_a_rate_limit_is_named_up_to_a_highest_one():
     class Limited(Linear):
         def scores(self, effects):
-            limit = effects.get(RATE_LIMIT, np.inf)
+            limit = effects.get("steering_rate_limit", np.inf)
             return np.array([max(1.0 - limit, 0.0) * 20.0, 0.3])
 
-    limits = Limited({RATE_LIMIT: [1.0, 0.0], "mass_error": [0.0, 1.0]}).limits()
-    highest = limits[RATE_LIMIT].least
+    limits = Limited({"steering_rate_limit": [1.0, 0.0], "mass_error": [0.0, 1.0]}).limits()
+    highest = limits["steering_rate_limit"].least
     assert 20.0 * (1.0 - highest) >= BESIDE_NONE
     assert 20.0 * (1.0 - highest) == pytest.approx(BESIDE_NONE, rel=0.01)
 
@@ -102,7 +102,7 @@ def test_a_rate_limit_is_named_up_to_a_highest_one():
         def scores(self, _effects):
             return np.zeros(2)
 
-    assert Slow({RATE_LIMIT: [1.0, 0.0]}).limits()[RATE_LIMIT].least is None
+    assert Slow({"steering_rate_limit": [1.0, 0.0]}).limits()["steering_rate_limit"].least is None
 
 
 def test_an_effect_that_bends_is_judged_where_it_acts():

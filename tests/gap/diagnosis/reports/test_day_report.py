@@ -9,12 +9,11 @@ import numpy as np
 import pytest
 from browser import check_charts, needs_browser
 
-from drift_drake.car.effects.catalogue import CATALOGUE
+from drift_drake.car.effects.catalogue import CATALOGUE, shown_by
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.gap.diagnosis.reports.day_report import by_horizon, coverage_rows, overlay, report_html
 from drift_drake.gap.diagnosis.reports.report import limit_rows
-from drift_drake.gap.evidence.manoeuvres import SHOWN_BY, shown_by
-from drift_drake.gap.evidence.ranges import RATE_LIMIT, REACH
+from drift_drake.gap.evidence.ranges import REACH
 from drift_drake.view.pages.page import Source
 
 
@@ -90,13 +89,13 @@ def limit(least, taken_for="none"):
 
 def test_bars_are_shares_of_the_practical_range_and_what_cannot_be_named_comes_last():
     car = VehicleParameters()
-    limits = {"aero_drag": limit(None, "mass_error"), "mass_error": limit(0.1), RATE_LIMIT: limit(0.6),
+    limits = {"aero_drag": limit(None, "mass_error"), "mass_error": limit(0.1), "steering_rate_limit": limit(0.6),
               "torque_lag": limit(0.5)}  # fmt: skip
     rows = limit_rows(limits, car)
-    assert [row.name for row in rows] == ["mass_error", RATE_LIMIT, "torque_lag", "aero_drag"]
+    assert [row.name for row in rows] == ["mass_error", "steering_rate_limit", "torque_lag", "aero_drag"]
     # Of an asymmetrical range the larger end counts; the lowest rate limit of the range acts most.
     assert rows[0].share == pytest.approx(0.1 / 0.2)
-    assert rows[1].share == pytest.approx(CATALOGUE[RATE_LIMIT].range_for(car)[0] / 0.6)
+    assert rows[1].share == pytest.approx(CATALOGUE["steering_rate_limit"].range_for(car)[0] / 0.6)
     assert rows[1].least == "up to 0.6 rad/s"
     assert rows[2].share == pytest.approx(0.5 / 0.4)
     assert not rows[3].named
@@ -125,7 +124,7 @@ def test_coverage_counts_windows_beyond_what_calibration_drove(plain_day):
 
 
 def test_every_effect_has_one_manoeuvre():
-    named = [name for _, names in SHOWN_BY for name in names]
+    named = [name for _, names in shown_by(CATALOGUE) for name in names]
     assert sorted(named) == sorted(CATALOGUE)
     ((words, names),) = shown_by(["road_grade"])
     assert names == ["road_grade"]

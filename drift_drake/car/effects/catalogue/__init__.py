@@ -1,0 +1,55 @@
+"""The catalogue of effects: a record each, the package's own, a file a family, and those that other packages install.
+
+Errors of the sensors and further forces have their physics here, as those of another package have; delays and factors
+on a reading are said by the record alone. What changes tyres, loads and actuators is in the cars' equations.
+"""
+
+from collections.abc import Iterable
+
+from drift_drake.car.effects.catalogue.actuators import ACTUATORS
+from drift_drake.car.effects.catalogue.body import BODY
+from drift_drake.car.effects.catalogue.forces import FORCES
+from drift_drake.car.effects.catalogue.sensors import SENSORS
+from drift_drake.car.effects.catalogue.tyres import TYRES
+from drift_drake.car.effects.installed import installed_effects
+from drift_drake.car.effects.manoeuvres import MANOEUVRES
+from drift_drake.car.effects.record import REFERENCE, Effect, Fit, InvalidExtensionError, wheelbase
+
+__all__ = ["CATALOGUE", "HEADED", "LIMITS", "OFF_THE_MOTION", "PARAMETRIC", "REFERENCE", "Effect", "deviation_of",
+           "fitted", "shown_by", "wheelbase"]  # fmt: skip
+
+FAMILIES = TYRES | BODY | ACTUATORS | FORCES | SENSORS
+OWN = dict(sorted(FAMILIES.items(), key=lambda item: item[1].since))
+
+if twice := sorted(set(OWN) & set(installed_effects())):
+    raise InvalidExtensionError(f"effect {', '.join(twice)}: is in the catalogue already; give yours another name")
+
+CATALOGUE: dict[str, Effect] = OWN | installed_effects()
+
+OFF_THE_MOTION = tuple(name for name, effect in CATALOGUE.items() if effect.stage in ("command", "sensor"))
+"""Effects that act before the plant (transport delays) or after it (the sensors'), never on its motion."""
+PARAMETRIC = frozenset(name for name, effect in CATALOGUE.items() if effect.tolerance and effect.stage == "motion")
+"""Effects that only change a car's constants: nothing of its motion then depends on a memory."""
+HEADED = frozenset(name for name, effect in CATALOGUE.items() if effect.force and "psi" in effect.needs)
+"""Effects by which the motion depends on the heading."""
+LIMITS = frozenset(name for name, effect in CATALOGUE.items() if effect.limit)
+"""Effects that act the more the lower they are."""
+
+
+def deviation_of(tolerance: str) -> str:
+    """The effect that is a deviation of a vehicle file's parameter, by the name of its tolerance."""
+    return next(name for name, effect in OWN.items() if effect.tolerance == tolerance)
+
+
+def shown_by(effects: Iterable[str]) -> list[tuple[str, list[str]]]:
+    """Manoeuvres that show some of the effects, each with those."""
+    asked = set(effects)
+    shown = {name: effect.shown_by for name, effect in CATALOGUE.items() if name in asked and effect.shown_by}
+    words = dict.fromkeys((*MANOEUVRES, *shown.values()))
+    parts = [(one, [name for name in shown if shown[name] == one]) for one in words]
+    return [(one, names) for one, names in parts if names]
+
+
+def fitted(fit: Fit) -> tuple[str, ...]:
+    """Effects that a method looks for unasked."""
+    return tuple(name for name, effect in CATALOGUE.items() if fit in effect.fitted)

@@ -94,8 +94,9 @@ def wheel_loads(z: Any, mass: Any, a: Any, b: Any, p: Any) -> Any:
 
 
 @compiled
-def rates(z: Any, delta: Any, tau: Any, p: Any, q: Any, out: Any) -> Any:
+def rates(z: Any, command: Any, car: Any, out: Any) -> Any:
     """Writes d(STATES)/dt under the steering [rad] and torque [N m] commands; returns (a_x, a_y) [m/s^2]."""
+    (delta, tau), (p, q) = command, car
     u, w, r, psi = z[0], z[1], z[2], z[3]
     a, b = p.front_axle_distance + q.cg_shift, p.rear_axle_distance - q.cg_shift
     mass = p.mass * (1.0 + q.mass_error)

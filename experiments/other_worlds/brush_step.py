@@ -64,7 +64,7 @@ def motion(x: Array, psi: float, delta: float, tau: float, curvature: float, p: 
     z[0], z[1], z[2], z[3] = v * np.cos(beta), v * np.sin(beta), x[0], psi
     z[6], z[7] = x[3] - 0.5 * x[6], x[3] + 0.5 * x[6]
     z[8:] = x[7:]
-    a_x, a_y = rates(z, delta, tau, p, q, rate)
+    a_x, a_y = rates(z, (delta, tau), (p, q), rate)
     out[0], out[1] = rate[2], (z[0] * rate[0] + z[1] * rate[1]) / v
     out[2], out[3] = (z[0] * rate[1] - z[1] * rate[0]) / (v * v), 0.5 * (rate[6] + rate[7])
     out[4], out[5], _ = path_rates(x[0], v, out[2], x[4], x[5], curvature)

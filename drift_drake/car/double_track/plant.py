@@ -12,6 +12,7 @@ from drift_drake.car.double_track.parameters import DoubleTrackConstants, Double
 from drift_drake.car.double_track.tyres import TireConstants
 from drift_drake.car.effects.delays import commands_at
 from drift_drake.car.effects.magnitudes import COUNT, Effects
+from drift_drake.car.integrate import runge_kutta
 from drift_drake.car.scalar import fixed_tuple, jitable
 from drift_drake.car.single_track.motion import world_rates
 from drift_drake.car.single_track.path_plant import PLANT_STATES, CurvedPath, PathPlant, kinematic_rates, plant_template
@@ -127,10 +128,10 @@ DoubleTrackPlant = DoubleTrackPlant_[None]
 
 
 @compiled
-def _world_frame_rates(z: Any, delta: Any, tau: Any, p: Any, q: Any, out: Any) -> Any:
+def _world_frame_rates(z: Any, command: Any, car: Any, out: Any) -> Any:
     """Writes d(LOG_STATES)/dt; returns (a_x, a_y)."""
     own = OwnStates(z[7], z[8], z[9], z[10], z[11], z[12], z[13], z[14], z[15], z[16], z[17], z[18], z[19])
-    m, rates = double_track_motion(z[0], z[1], z[2], z[3], z[4], own, delta, tau, p, q)
+    m, rates = double_track_motion(z[0], z[1], z[2], z[3], z[4], own, command[0], command[1], car[0], car[1])
     out[0], out[1], out[2], out[3] = m.r_dot, m.v_dot, m.beta_dot, m.omega_r_dot
     out[5], out[6], out[4] = world_rates(z[0], z[1], z[2], z[4])
     (out[7], out[8], out[9], out[10], out[11], out[12], out[13], out[14], out[15], out[16], out[17], out[18],
@@ -140,20 +141,14 @@ def _world_frame_rates(z: Any, delta: Any, tau: Any, p: Any, q: Any, out: Any) -
 
 @jitable
 def runge_kutta_row(rates: Any, z: Any, row: Any, delta: Any, tau: Any, p: Any, q: Any) -> Any:
-    """States z a row later, in place, by RK4 of `rates(z, delta, tau, p, q, out)`; returns (a_x, a_y) there."""
-    h, n, last = PERIOD / SUBSTEPS, len(z), row + 1
-    k1, k2, k3, k4 = np.empty(n), np.empty(n), np.empty(n), np.empty(n)
+    """States z a row later, in place, by RK4 of `rates(z, command, (p, q), out)`; returns (a_x, a_y) there."""
+    last, k, work = row + 1, np.empty(len(z)), np.empty((2, len(z)))
     for i in range(SUBSTEPS):
-        a, b, c = row + i / SUBSTEPS, row + (i + 0.5) / SUBSTEPS, row + (i + 1) / SUBSTEPS
-        begin = commands_at(delta, tau, a, last, PERIOD, q)
-        middle = commands_at(delta, tau, b, last, PERIOD, q)
-        end = commands_at(delta, tau, c, last, PERIOD, q)
-        rates(z, begin[0], begin[1], p, q, k1)
-        rates(z + 0.5 * h * k1, middle[0], middle[1], p, q, k2)
-        rates(z + 0.5 * h * k2, middle[0], middle[1], p, q, k3)
-        rates(z + h * k3, end[0], end[1], p, q, k4)
-        z += h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
-    return rates(z, end[0], end[1], p, q, k1)
+        begin = commands_at(delta, tau, row + i / SUBSTEPS, last, PERIOD, q)
+        middle = commands_at(delta, tau, row + (i + 0.5) / SUBSTEPS, last, PERIOD, q)
+        end = commands_at(delta, tau, row + (i + 1) / SUBSTEPS, last, PERIOD, q)
+        runge_kutta(rates, z, begin, middle, end, PERIOD / SUBSTEPS, (p, q), k, work)
+    return rates(z, end, (p, q), k)
 
 
 @compiled
@@ -168,7 +163,7 @@ def _start(r: Any, v: Any, beta: Any, omega_r: Any, delta: Any, tau: Any, p: Any
     own = settled_states(r, v, beta, omega_r, delta, tau, p, q)
     for i, value in enumerate(own):
         z[7 + i] = value
-    return _world_frame_rates(z, delta, tau, p, q, np.empty(len(z)))
+    return _world_frame_rates(z, (delta, tau), (p, q), np.empty(len(z)))
 
 
 def start(state: Array, command: tuple[float, float], p: DoubleTrackConstants, q: Effects) -> tuple[Array, Array]:

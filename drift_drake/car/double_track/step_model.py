@@ -15,6 +15,7 @@ from drift_drake.car.double_track.motion import OwnStates, check_supported, sett
 from drift_drake.car.double_track.parameters import DoubleTrackConstants, DoubleTrackParameters
 from drift_drake.car.double_track.stepping import OWN, SIZE, advance_state, path_motion
 from drift_drake.car.effects.magnitudes import Effects
+from drift_drake.car.integrate import runge_kutta
 from drift_drake.car.scalar import jitable
 from drift_drake.car.single_track.effects_step import MemoryObserver, check_one_step
 from drift_drake.car.single_track.motion import path_rates
@@ -148,7 +149,7 @@ def _sensitivities(x: Array, u: Array, u_next: Array, curvature: Array, p: Doubl
     middle of each sub-step."""
     work, before, middle, command = np.empty((3, SIZE)), np.empty(SIZE), np.empty(SIZE), np.empty(2)
     jacobian = np.zeros((SIZE, SIZE + 2))
-    k, point, total = np.empty((SIZE, SIZE + 4)), np.empty((SIZE, SIZE + 4)), np.empty((SIZE, SIZE + 4))
+    k, scratch = np.empty(SIZE * (SIZE + 4)), np.empty((2, SIZE * (SIZE + 4)))
     h = dt / substeps
     for n in range(x.shape[0]):
         s = sensitivity[n]
@@ -165,33 +166,21 @@ def _sensitivities(x: Array, u: Array, u_next: Array, curvature: Array, p: Doubl
             for i in range(2):
                 command[i] = u[n, i] + share * (u_next[n, i] - u[n, i])
             _linearized(middle, command, curvature[n], p, q, jacobian)
-            _advance_sensitivity(s, jacobian, first, last, h, k, point, total)
+            runge_kutta(_sensitivity_rates, s.reshape(-1), (first,), (share,), (last,), h, jacobian, k, scratch)
 
 
 @jitable
-def _advance_sensitivity(s: Array, jacobian: Array, first: float, last: float, h: float, k: Array, point: Array,
-                         total: Array) -> None:  # fmt: skip
-    """RK4 of dS/dt = A S + B (input's share) over h [s] in place, [A B] the jacobian."""
-    total[:] = 0.0
-    for stage in range(4):
-        node = 0.0 if stage == 0 else (1.0 if stage == 3 else 0.5)
-        weight = 1.0 / 6.0 if stage in (0, 3) else 1.0 / 3.0
-        share = first + node * (last - first)
-        for i in range(SIZE):
-            for j in range(SIZE + 4):
-                point[i, j] = s[i, j] if stage == 0 else s[i, j] + node * h * k[i, j]
-        for i in range(SIZE):
-            k[i] = 0.0
-            for m in range(SIZE):
-                a = jacobian[i, m]
-                if a != 0.0:
-                    for j in range(SIZE + 4):
-                        k[i, j] += a * point[m, j]
-            for j in range(2):
-                k[i, SIZE + j] += (1.0 - share) * jacobian[i, SIZE + j]
-                k[i, SIZE + 2 + j] += share * jacobian[i, SIZE + j]
-            for j in range(SIZE + 4):
-                total[i, j] += weight * k[i, j]
+def _sensitivity_rates(s: Array, share: tuple[float], jacobian: Array, out: Array) -> None:
+    """dS/dt = A S + B (input's share), S and its rates flat, [A B] the jacobian."""
+    n = SIZE + 4
     for i in range(SIZE):
-        for j in range(SIZE + 4):
-            s[i, j] += h * total[i, j]
+        for j in range(n):
+            out[i * n + j] = 0.0
+        for m in range(SIZE):
+            a = jacobian[i, m]
+            if a != 0.0:
+                for j in range(n):
+                    out[i * n + j] += a * s[m * n + j]
+        for j in range(2):
+            out[i * n + SIZE + j] += (1.0 - share[0]) * jacobian[i, SIZE + j]
+            out[i * n + SIZE + 2 + j] += share[0] * jacobian[i, SIZE + j]

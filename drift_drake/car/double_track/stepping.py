@@ -8,6 +8,7 @@ from typing import Any
 from drift_drake.car.double_track.motion import OwnStates, double_track_motion
 from drift_drake.car.double_track.parameters import DoubleTrackConstants
 from drift_drake.car.effects.magnitudes import Effects
+from drift_drake.car.integrate import ramp, runge_kutta
 from drift_drake.car.scalar import fixed_tuple, jitable
 from drift_drake.car.single_track.motion import path_rates
 from drift_drake.common.arrays import Array
@@ -32,20 +33,15 @@ def path_motion(x: Any, delta: Any, tau: Any, curvature: Any, p: DoubleTrackCons
 
 
 @jitable
+def _rates(x: Any, command: Any, car: Any, out: Any) -> None:
+    curvature, p, q, force_y = car
+    path_motion(x, command[0], command[1], curvature, p, q, out, force_y)
+
+
+@jitable
 def advance_state(x: Array, u: Array, u_next: Array, first: float, last: float, curvature: float,
                   p: DoubleTrackConstants, q: Effects, h: float, work: Array,
                   force_y: float = 0.0) -> None:  # fmt: skip
     """RK4 over h [s] in place, the input going from share `first` to share `last` of its way from u to u_next."""
-    k, point, total = work[0], work[1], work[2]
-    for stage in range(4):
-        node = 0.0 if stage == 0 else (1.0 if stage == 3 else 0.5)
-        weight = 1.0 / 6.0 if stage in (0, 3) else 1.0 / 3.0
-        for i in range(SIZE):
-            point[i] = x[i] if stage == 0 else x[i] + node * h * k[i]
-        share = first + node * (last - first)
-        delta, tau = u[0] + share * (u_next[0] - u[0]), u[1] + share * (u_next[1] - u[1])
-        path_motion(point, delta, tau, curvature, p, q, k, force_y)
-        for i in range(SIZE):
-            total[i] = weight * k[i] if stage == 0 else total[i] + weight * k[i]
-    for i in range(SIZE):
-        x[i] += h * total[i]
+    runge_kutta(_rates, x, ramp(u, u_next, first), ramp(u, u_next, first + 0.5 * (last - first)),
+                ramp(u, u_next, last), h, (curvature, p, q, force_y), work[2], work[:2])  # fmt: skip

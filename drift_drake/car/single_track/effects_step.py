@@ -21,6 +21,7 @@ from drift_drake.car.effects.magnitudes import (
     Effects,
     Memory,
 )
+from drift_drake.car.integrate import ramp, runge_kutta
 from drift_drake.car.parameters import Constants, VehicleParameters
 from drift_drake.car.scalar import fixed_tuple, jitable
 from drift_drake.car.single_track.motion import path_rates
@@ -234,9 +235,11 @@ def _contiguous(x: Array, u: Array, u_next: Array, curvature: Array) -> tuple[Ar
 
 
 @jitable
-def _rates(x: Any, delta: Any, tau: Any, curvature: Any, p: Constants, q: Effects, out: Any) -> None:
+def _rates(x: Any, command: Any, car: Any, out: Any) -> None:
+    """Writes the rates; car: the path's curvature [1/m], constants, effects."""
+    curvature, p, q = car
     memory = Memory(*fixed_tuple(x[6:], MEMORIES))
-    m, d = motion_with_effects(x[0], x[1], x[2], x[3], 0.0, memory, delta, tau, p, q)
+    m, d = motion_with_effects(x[0], x[1], x[2], x[3], 0.0, memory, command[0], command[1], p, q)
     e_dot, dphi_dot, _ = path_rates(x[0], x[1], m.beta_dot, x[4], x[5], curvature)
     out[0], out[1], out[2], out[3], out[4], out[5] = m.r_dot, m.v_dot, m.beta_dot, m.omega_r_dot, e_dot, dphi_dot
     for i, rate in enumerate(d):
@@ -245,31 +248,21 @@ def _rates(x: Any, delta: Any, tau: Any, curvature: Any, p: Constants, q: Effect
 
 @jitable
 def _rk4(x: Any, u: Any, u_next: Any, curvature: Any, p: Constants, q: Effects, dt: float, substeps: int,
-         k: Any, point: Any, total: Any) -> None:  # fmt: skip
-    """Advances x in place; k, point and total are work arrays of x's type."""
-    h = dt / substeps
+         work: Any) -> None:  # fmt: skip
+    """Advances x in place; work [3, STATE_SIZE] is scratch of x's type."""
     for sub in range(substeps):
-        for stage in range(4):
-            node = 0.0 if stage == 0 else (1.0 if stage == 3 else 0.5)
-            weight = 1.0 / 6.0 if stage in (0, 3) else 1.0 / 3.0
-            for i in range(x.size):
-                point[i] = x[i] if stage == 0 else x[i] + node * h * k[i]
-            share = (sub + node) / substeps
-            delta, tau = u[0] + share * (u_next[0] - u[0]), u[1] + share * (u_next[1] - u[1])
-            _rates(point, delta, tau, curvature, p, q, k)
-            for i in range(x.size):
-                total[i] = weight * k[i] if stage == 0 else total[i] + weight * k[i]
-        for i in range(x.size):
-            x[i] += h * total[i]
+        begin, middle = ramp(u, u_next, sub / substeps), ramp(u, u_next, (sub + 0.5) / substeps)
+        end = ramp(u, u_next, (sub + 1.0) / substeps)
+        runge_kutta(_rates, x, begin, middle, end, dt / substeps, (curvature, p, q), work[2], work[:2])
 
 
 @compiled
 def _steps(x: Array, u: Array, u_next: Array, curvature: Array, p: Constants, q: Effects, dt: float, substeps: int,
            x_next: Array) -> None:  # fmt: skip
-    k, point, total = np.empty(STATE_SIZE), np.empty(STATE_SIZE), np.empty(STATE_SIZE)
+    work = np.empty((3, STATE_SIZE))
     for n in range(x.shape[0]):
         x_next[n] = x[n]
-        _rk4(x_next[n], u[n], u_next[n], curvature[n], p, q, dt, substeps, k, point, total)
+        _rk4(x_next[n], u[n], u_next[n], curvature[n], p, q, dt, substeps, work)
 
 
 @compiled
@@ -277,7 +270,7 @@ def _jacobians(x: Array, u: Array, u_next: Array, curvature: Array, p: Constants
                substeps: int, x_next: Array, jacobian: Array) -> None:  # fmt: skip
     n_x = STATE_SIZE
     z = np.empty(n_x + 4, dtype=np.complex128)
-    k, point, total = np.empty(n_x, np.complex128), np.empty(n_x, np.complex128), np.empty(n_x, np.complex128)
+    work = np.empty((3, n_x), np.complex128)
     for n in range(x.shape[0]):
         for j in range(n_x + 4):
             for i in range(n_x):
@@ -285,7 +278,7 @@ def _jacobians(x: Array, u: Array, u_next: Array, curvature: Array, p: Constants
             for i in range(2):
                 z[n_x + i], z[n_x + 2 + i] = u[n, i], u_next[n, i]
             z[j] += COMPLEX_STEP * 1j
-            _rk4(z[:n_x], z[n_x : n_x + 2], z[n_x + 2 :], curvature[n], p, q, dt, substeps, k, point, total)
+            _rk4(z[:n_x], z[n_x : n_x + 2], z[n_x + 2 :], curvature[n], p, q, dt, substeps, work)
             for i in range(n_x):
                 jacobian[n, i, j] = z[i].imag / COMPLEX_STEP
         for i in range(n_x):
@@ -296,13 +289,13 @@ def _jacobians(x: Array, u: Array, u_next: Array, curvature: Array, p: Constants
 def _differences(x: Array, u: Array, u_next: Array, curvature: Array, p: Constants, q: Effects, dt: float,
                  substeps: int, x_next: Array, jacobian: Array) -> None:  # fmt: skip
     n_x = STATE_SIZE
-    z, k, point, total = np.empty(n_x + 4), np.empty(n_x), np.empty(n_x), np.empty(n_x)
+    z, work = np.empty(n_x + 4), np.empty((3, n_x))
     for n in range(x.shape[0]):
         for j in range(-1, n_x + 4):
             z[:n_x], z[n_x : n_x + 2], z[n_x + 2 :] = x[n], u[n], u_next[n]
             if j >= 0:
                 z[j] += DIFFERENCES[j]
-            _rk4(z[:n_x], z[n_x : n_x + 2], z[n_x + 2 :], curvature[n], p, q, dt, substeps, k, point, total)
+            _rk4(z[:n_x], z[n_x : n_x + 2], z[n_x + 2 :], curvature[n], p, q, dt, substeps, work)
             if j < 0:
                 x_next[n] = z[:n_x]
             else:

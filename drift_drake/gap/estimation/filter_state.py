@@ -22,6 +22,7 @@ from drift_drake.car.effects.magnitudes import (
     measured,
     unbiased,
 )
+from drift_drake.car.integrate import runge_kutta
 from drift_drake.car.scalar import cos, fixed_tuple, jitable, sin
 from drift_drake.car.single_track.motion import MIN_SLIP_SPEED
 from drift_drake.car.single_track.motion_with_effects import (
@@ -161,6 +162,11 @@ def rates_of(z: Any, delta: Any, torque: Any, constants: Any, effects: Any, push
         out[i] = rate
 
 
+@jitable
+def _rates(z: Any, command: Any, car: Any, out: Any) -> Any:
+    rates_of(z, command[0], command[1], car[0], car[1], car[2], out)
+
+
 @compiled
 def wheel_rate(z: Any, constants: Any, effects: Any) -> Any:
     """Rate [1/s] at which the driven rim settles in grip: of all rates the fastest."""
@@ -177,29 +183,21 @@ def between(values: Any, place: Any) -> Any:
 
 
 @jitable
-def runge_kutta(
+def commanded(delta: Any, torque: Any, place: Any) -> Any:
+    """Both commands at a place of their grid."""
+    return between(delta, place), between(torque, place)
+
+
+@jitable
+def filter_step(
     z: Any, delta: Any, torque: Any, at: Any, end: Any, h: Any, constants: Any, effects: Any, push: Any, k: Any, w: Any
 ) -> Any:
     """One step of h seconds, in place, between two places of the commands' grid.
 
     k [SIZE + 2] and w [2, SIZE] are scratch.
     """
-    middle = 0.5 * (at + end)
-    rates_of(z, between(delta, at), between(torque, at), constants, effects, push, k)
-    for i in range(SIZE):
-        w[1, i] = k[i]
-        w[0, i] = z[i] + 0.5 * h * k[i]
-    rates_of(w[0], between(delta, middle), between(torque, middle), constants, effects, push, k)
-    for i in range(SIZE):
-        w[1, i] += 2.0 * k[i]
-        w[0, i] = z[i] + 0.5 * h * k[i]
-    rates_of(w[0], between(delta, middle), between(torque, middle), constants, effects, push, k)
-    for i in range(SIZE):
-        w[1, i] += 2.0 * k[i]
-        w[0, i] = z[i] + h * k[i]
-    rates_of(w[0], between(delta, end), between(torque, end), constants, effects, push, k)
-    for i in range(SIZE):
-        z[i] += h / 6.0 * (w[1, i] + k[i])
+    first, middle = commanded(delta, torque, at), commanded(delta, torque, 0.5 * (at + end))
+    runge_kutta(_rates, z, first, middle, commanded(delta, torque, end), h, (constants, effects, push), k, w)
     z[1] = max(z[1], MIN_FILTER_SPEED)
     z[3] = max(z[3], 0.0)
 
@@ -217,7 +215,7 @@ def advance_row(
     for substep in range(SUBSTEPS * splits):
         at = STAGES * row + 2.0 * substep / splits
         end = at + 2.0 / splits
-        runge_kutta(z, delta, torque, at, end, h, constants, effects, push, k, w)
+        filter_step(z, delta, torque, at, end, h, constants, effects, push, k, w)
 
 
 @compiled

@@ -28,8 +28,8 @@ from drift_drake.gap.estimation.filter_state import (
     STAGES,
     actuated,
     between,
+    filter_step,
     rates_of,
-    runge_kutta,
     wheel_rate,
     without_actuators,
 )
@@ -152,7 +152,7 @@ def _advance(z: Any, delta: Any, torque: Any, row: Any, period: Any, constants: 
             share = step / steps
             z[1] = fed_from[0] + share * (fed_to[0] - fed_from[0])
             z[3] = fed_from[1] + share * (fed_to[1] - fed_from[1])
-        runge_kutta(z, delta, torque, at, end, h, constants, effects, push, k, w)
+        filter_step(z, delta, torque, at, end, h, constants, effects, push, k, w)
 
 
 @compiled

@@ -12,7 +12,8 @@ def one_sided(bounds: StageBounds) -> tuple[Inequalities, Index, Array]:
     # Of each row the lower bound last, as a slack's own row is.
     limit = np.column_stack([-bounds.high, bounds.low]).ravel()
     found = np.flatnonzero(limit != -np.inf)
-    place, side = found // 2, 2.0 * (found % 2) - 1.0
+    place: Index = found // 2
+    side: Array = np.where(found % 2 == 1, 1.0, -1.0)
     values = side[:, None] * bounds.values[place]
     first = np.searchsorted(place, bounds.first)
     return Inequalities(values[:, :-1].copy(), values[:, -1].copy(), limit[found], first), place, side

@@ -30,5 +30,6 @@ TYRES: dict[str, Effect] = {
         of_tyres_or_body=True, shown_by=DRIFTS, at_the_limit=True, double_track="nothing", fitted=("alone",)),
     "longitudinal_stiffness_error": Effect(
         "-", -0.5, 1.0, "slope of the tyres' force along the wheel times (1 + q), not across it", daily=0.2,
-        of_tyres_or_body=True, shown_by=THROTTLE, double_track="nothing", fitted=("further", "drives"), since=5),
+        of_tyres_or_body=True, shown_by=THROTTLE, double_track="nothing", factor=True, fitted=("further", "drives"),
+        since=5),
 }  # fmt: skip

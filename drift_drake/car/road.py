@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from drift_drake.car.effects.magnitudes import MASS, Effects
+from drift_drake.car.effects.magnitudes import Effects
 from drift_drake.common.arrays import Array
 
 NO_PUSH = np.empty((0, 3))
@@ -25,7 +25,7 @@ def on_road(bank: Array | None, mass: float, gravity: float, effects: Effects) -
     """
     if bank is None:
         return effects, NO_PUSH
-    force = bank_force(bank, mass * (1.0 + effects[MASS]) * gravity, effects.road_bank)
+    force = bank_force(bank, mass * (1.0 + effects.mass_error) * gravity, effects.road_bank)
     push = np.zeros((len(bank), 3))
     push[:-1, 1], push[-1, 1] = 0.5 * (force[:-1] + force[1:]), force[-1]
     return effects._replace(road_bank=0.0), push

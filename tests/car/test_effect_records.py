@@ -3,13 +3,9 @@
 import numpy as np
 import pytest
 
-from drift_drake.car.effects.catalogue import CATALOGUE, OWN, PARAMETRIC, deviation_of, fitted, shown_by
+from drift_drake.car.effects.catalogue import CATALOGUE, OWN, PARAMETRIC, fitted, shown_by
 from drift_drake.car.effects.delays import sensor_delay
 from drift_drake.car.effects.magnitudes import (
-    FRICTION,
-    MASS,
-    SHIFT,
-    TORQUE,
     Effects,
     Memory,
     depends_on_heading,
@@ -22,6 +18,7 @@ from drift_drake.car.effects.magnitudes import (
 )
 from drift_drake.car.parameters import Tolerance, VehicleParameters
 from drift_drake.car.sensor_errors import SENSORS
+from drift_drake.car.single_track.motion_with_effects import changed_constants
 
 CAR = VehicleParameters().constants()
 START = np.array([1.0, 2.0, 3.0])  # wrench of the tyres
@@ -77,13 +74,15 @@ def test_only_a_grade_makes_the_motion_depend_on_the_heading():
 def test_a_deviation_is_found_by_its_tolerance():
     assert {name for name, effect in OWN.items() if effect.tolerance} - {"steering_offset"} == PARAMETRIC
     assert all(hasattr(Tolerance(), str(OWN[name].tolerance)) for name in PARAMETRIC)
-    for tolerance, place in (
-        ("mass", MASS),
-        ("friction", FRICTION),
-        ("front_axle_distance", SHIFT),
-        ("torque", TORQUE),
+    for tolerance, name in (
+        ("mass", "mass_error"),
+        ("friction", "friction_level"),
+        ("front_axle_distance", "cg_shift"),
+        ("torque", "torque_gain_error"),
     ):
-        assert Effects._fields[place] == deviation_of(tolerance)
+        assert [one for one, effect in OWN.items() if effect.tolerance == tolerance] == [name]
+    changing = {name for name in OWN if changed_constants(CAR, make_effects({name: 0.1})) != CAR}
+    assert changing == PARAMETRIC
 
 
 def test_a_vector_of_magnitudes_keeps_its_order():

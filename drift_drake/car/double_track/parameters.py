@@ -4,7 +4,6 @@ import dataclasses
 from typing import Any, NamedTuple
 
 from drift_drake.car.double_track.tyres import TireConstants, friction_at, stiffness_per_load
-from drift_drake.car.effects import magnitudes as place
 from drift_drake.car.effects.magnitudes import Effects
 from drift_drake.car.parameters import InvalidVehicleError, VehicleParameters, check_numbers, check_torques, entry
 from drift_drake.car.scalar import jitable
@@ -68,15 +67,15 @@ def changed_constants(p: DoubleTrackConstants, q: Effects) -> DoubleTrackConstan
 
     `wheel_radius_error` is not one of them: as in the catalogue, it is the measured rim speed that is wrong.
     """
-    friction = 1.0 + q[place.FRICTION]
+    friction = 1.0 + q.friction_level
     front_friction = friction * (1.0 + q.front_rear_friction_split)
     rear_friction = friction * (1.0 - q.front_rear_friction_split)
     return DoubleTrackConstants(
-        p.mass * (1.0 + q[place.MASS]),
-        p.yaw_inertia * (1.0 + q[place.YAW_INERTIA]),
+        p.mass * (1.0 + q.mass_error),
+        p.yaw_inertia * (1.0 + q.yaw_inertia_error),
         p.roll_inertia,
-        p.front_axle_distance + q[place.SHIFT],
-        p.rear_axle_distance - q[place.SHIFT],
+        p.front_axle_distance + q.cg_shift,
+        p.rear_axle_distance - q.cg_shift,
         p.front_track,
         p.rear_track,
         p.cg_height,
@@ -90,8 +89,8 @@ def changed_constants(p: DoubleTrackConstants, q: Effects) -> DoubleTrackConstan
         p.load_time,
         p.wheel_radius,
         p.wheel_inertia,
-        p.rear_axle_inertia * (1.0 + q[place.AXLE]),
-        p.gear_ratio * (1.0 + q[place.TORQUE]),
+        p.rear_axle_inertia * (1.0 + q.drivetrain_inertia_error),
+        p.gear_ratio * (1.0 + q.torque_gain_error),
         p.differential_preload,
         p.differential_share,
         p.ackermann,
@@ -99,8 +98,8 @@ def changed_constants(p: DoubleTrackConstants, q: Effects) -> DoubleTrackConstan
         p.aero_drag + q.aero_drag,
         p.rolling_resistance + q.rolling_resistance,
         p.gravity,
-        changed_tire(p.front_tire, 1.0 + q[place.FRONT], front_friction, q.tyre_relaxation),
-        changed_tire(p.rear_tire, 1.0 + q[place.REAR], rear_friction, q.tyre_relaxation),
+        changed_tire(p.front_tire, 1.0 + q.front_stiffness_error, front_friction, q.tyre_relaxation),
+        changed_tire(p.rear_tire, 1.0 + q.rear_stiffness_error, rear_friction, q.tyre_relaxation),
     )
 
 

@@ -6,7 +6,7 @@ How effects act on the motion is the car's own (`car.single_track.motion_with_ef
 from collections import namedtuple
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Self
 
-from drift_drake.car.effects.catalogue import CATALOGUE, HEADED, deviation_of
+from drift_drake.car.effects.catalogue import CATALOGUE, HEADED
 from drift_drake.car.effects.installed import installed_effects
 from drift_drake.car.effects.joined import joined_physics, or_there, over, plus
 from drift_drake.car.effects.record import READ
@@ -54,13 +54,6 @@ COUNT = len(Effects._fields)
 MEMORIES = len(Memory._fields)
 NO_MEMORY = Memory()
 
-
-def _place(tolerance: str) -> int:
-    return Effects._fields.index(deviation_of(tolerance))
-
-
-MASS, YAW_INERTIA, SHIFT, FRICTION = map(_place, ("mass", "yaw_inertia", "front_axle_distance", "friction"))
-FRONT, REAR, AXLE, TORQUE = map(_place, ("front_stiffness", "rear_stiffness", "rear_axle_inertia", "torque"))
 
 physics = joined_physics(Effects._fields, Memory._fields)
 actuation_of, reading_errors, memory_rates, memory_starts, with_forces, with_double_track_forces = physics

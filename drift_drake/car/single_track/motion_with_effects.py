@@ -7,7 +7,6 @@ the states of `Memory`. Transport delays act on the commands before they enter h
 
 from typing import Any
 
-from drift_drake.car.effects import magnitudes as place
 from drift_drake.car.effects.magnitudes import (
     Effects,
     Memory,
@@ -42,16 +41,16 @@ RATE_LIMIT_TIME = 0.002  # [s] in which a rate-limited wheel settles on a comman
 def changed_constants(p: Constants, q: Effects) -> Constants:
     """The car with the effects that only change parameters."""
     return Constants(
-        p.mass * (1.0 + q[place.MASS]),
-        p.yaw_inertia * (1.0 + q[place.YAW_INERTIA]),
-        p.front_axle_distance + q[place.SHIFT],
-        p.rear_axle_distance - q[place.SHIFT],
+        p.mass * (1.0 + q.mass_error),
+        p.yaw_inertia * (1.0 + q.yaw_inertia_error),
+        p.front_axle_distance + q.cg_shift,
+        p.rear_axle_distance - q.cg_shift,
         p.wheel_radius,
-        p.rear_axle_inertia * (1.0 + q[place.AXLE]),
-        p.gear_ratio * (1.0 + q[place.TORQUE]),
-        p.friction * (1.0 + q[place.FRICTION]),
-        p.front_stiffness * (1.0 + q[place.FRONT]),
-        p.rear_stiffness * (1.0 + q[place.REAR]),
+        p.rear_axle_inertia * (1.0 + q.drivetrain_inertia_error),
+        p.gear_ratio * (1.0 + q.torque_gain_error),
+        p.friction * (1.0 + q.friction_level),
+        p.front_stiffness * (1.0 + q.front_stiffness_error),
+        p.rear_stiffness * (1.0 + q.rear_stiffness_error),
         p.gravity,
         p.front_coupling,
         p.tyre,

@@ -11,7 +11,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
-from drift_drake.car.effects.catalogue import CATALOGUE, LIMITS, deviation_of
+from drift_drake.car.effects.catalogue import CATALOGUE, LIMITS
 from drift_drake.car.parameters import Constants, VehicleParameters
 from drift_drake.gap.estimation.baseline import Scatter, scatter_of
 from drift_drake.gap.estimation.normal import Normal
@@ -25,8 +25,7 @@ REFINED, ROUNDS = 8, 3  # leading hypotheses whose magnitudes are predicted anew
 SEEDS, PARTNERS, PAIR_STEPS = 3, 4, 4  # singles that pairs are grown from, partners each, Gauss-Newton steps
 TINY = 1e-3  # of a unit, for differences
 BUILD = 0.5  # `daily` below which an effect is of the car's build
-FOLLOWING = deviation_of("mass"), deviation_of("front_axle_distance")  # effects that move axle loads
-FRONT, REAR = deviation_of("front_stiffness"), deviation_of("rear_stiffness")
+FOLLOWING = ("mass_error", "cg_shift")  # effects that move axle loads
 SHARES = (0.0, 0.5, 1.0)  # of stiffness in proportion to the load that are tried
 EXTENSIONS = 2  # of the reach of a leading hypothesis
 
@@ -92,8 +91,12 @@ def with_load(name: str, magnitude: float, share: float, constants: Constants) -
     if name not in FOLLOWING:
         return {name: magnitude}
     distances = -float(constants.rear_axle_distance), float(constants.front_axle_distance)
-    front, rear = (1.0, 1.0) if name == FOLLOWING[0] else distances
-    return {name: magnitude, FRONT: share * magnitude / front, REAR: share * magnitude / rear}
+    front, rear = (1.0, 1.0) if name == "mass_error" else distances
+    return {
+        name: magnitude,
+        "front_stiffness_error": share * magnitude / front,
+        "rear_stiffness_error": share * magnitude / rear,
+    }
 
 
 class Search:

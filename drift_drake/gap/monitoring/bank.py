@@ -16,7 +16,7 @@ import numpy as np
 from drift_drake.car.compilation import compiled
 from drift_drake.car.effects.catalogue import CATALOGUE, LIMITS, wheelbase
 from drift_drake.car.effects.delays import check_causal, command_delays, sensor_delay
-from drift_drake.car.effects.magnitudes import COUNT, MASS, Effects, depends_on_heading
+from drift_drake.car.effects.magnitudes import COUNT, Effects, depends_on_heading
 from drift_drake.car.parameters import Constants, VehicleParameters
 from drift_drake.car.scalar import fixed_tuple
 from drift_drake.car.single_track.motion_with_effects import road_wheel
@@ -154,7 +154,7 @@ def on_bank(bank: Bank, angle: float) -> Bank:
     if angle == 0.0:
         return bank
     constants = Constants(*bank.constants)
-    weights = constants.mass * constants.gravity * (1.0 + bank.effects[:, MASS])
+    weights = constants.mass * constants.gravity * (1.0 + bank.effects[:, Effects._fields.index("mass_error")])
     pushes = bank.pushes.copy()
     pushes[:, 1] -= weights * np.sin(angle)
     return bank._replace(pushes=pushes)

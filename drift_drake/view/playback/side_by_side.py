@@ -13,7 +13,7 @@ from pydrake.systems.primitives import Adder, TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial
 
 from drift_drake.car.effects.delays import as_commanded, on_time, sensor_delay
-from drift_drake.car.effects.magnitudes import MASS, Effects
+from drift_drake.car.effects.magnitudes import Effects
 from drift_drake.car.log.driving import SPUN, driven, slowest, spans
 from drift_drake.car.log.measured_motion import MeasuredMotion, measured_motion
 from drift_drake.car.log.table import InvalidLogError, Run
@@ -137,7 +137,7 @@ class SideBySide:
             builder.Connect(self._wanted, keeper.GetInputPort("wanted"))
             wrenches.append(keeper.get_output_port())
         if run.bank is not None:
-            weight = model.parameters.mass * (1.0 + model.effects[MASS]) * model.parameters.gravity
+            weight = model.parameters.mass * (1.0 + model.effects.mass_error) * model.parameters.gravity
             force = bank_force(run.bank, weight, model.effects.road_bank)
             none = np.zeros(len(run))
             wrenches.append(self._source(builder, f"bank_under_{name}", np.stack([none, force, none])))

@@ -15,7 +15,7 @@ from drift_drake.car.effects.installed import installed_effects
 from drift_drake.car.effects.manoeuvres import MANOEUVRES
 from drift_drake.car.effects.record import REFERENCE, Effect, Fit, InvalidExtensionError, wheelbase
 
-__all__ = ["CATALOGUE", "HEADED", "LIMITS", "OFF_THE_MOTION", "PARAMETRIC", "REFERENCE", "Effect", "deviation_of",
+__all__ = ["CATALOGUE", "HEADED", "LIMITS", "OFF_THE_MOTION", "PARAMETRIC", "REFERENCE", "Effect",
            "fitted", "shown_by", "wheelbase"]  # fmt: skip
 
 FAMILIES = TYRES | BODY | ACTUATORS | FORCES | SENSORS
@@ -34,11 +34,6 @@ HEADED = frozenset(name for name, effect in CATALOGUE.items() if effect.force an
 """Effects by which the motion depends on the heading."""
 LIMITS = frozenset(name for name, effect in CATALOGUE.items() if effect.limit)
 """Effects that act the more the lower they are."""
-
-
-def deviation_of(tolerance: str) -> str:
-    """The effect that is a deviation of a vehicle file's parameter, by the name of its tolerance."""
-    return next(name for name, effect in OWN.items() if effect.tolerance == tolerance)
 
 
 def shown_by(effects: Iterable[str]) -> list[tuple[str, list[str]]]:

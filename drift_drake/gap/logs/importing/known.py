@@ -67,7 +67,7 @@ def _on_first_clock(mapping: "RecorderMapping") -> set[str]:
     return {name for name, signal in mapping.signals.items() if signal.clock == mapping.first_clock}
 
 
-def untold(missing: Sequence[str]) -> str:
+def not_given(missing: Sequence[str]) -> str:
     """What a position without some of the quantities that a log needs cannot tell."""
     names = " and no ".join(NAMES[name] for name in missing)
     instead = (

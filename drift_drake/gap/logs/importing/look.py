@@ -13,7 +13,7 @@ from drift_drake.gap.logs.importing.clocks import clock_of, rate_of, seconds, wi
 from drift_drake.gap.logs.importing.formats.files import InvalidRecordingError
 from drift_drake.gap.logs.importing.formats.topics import Topic
 from drift_drake.gap.logs.importing.guess import NEEDED, guessed_mapping
-from drift_drake.gap.logs.importing.known import untold
+from drift_drake.gap.logs.importing.known import not_given
 from drift_drake.gap.logs.importing.names import is_handwheel
 from drift_drake.gap.logs.importing.recording import topics_of
 
@@ -85,7 +85,7 @@ def mapping_text(found: Look) -> str:
         lines.append("#   scale: ?  (one over the steering ratio) to its line.")
     lines += [f"# {note}" for note in found.notes]
     if "latitude" in mapping["signals"] and found.missing:
-        lines.append(f"# {untold(found.missing)}")
+        lines.append(f"# {not_given(found.missing)}")
     for name in found.missing:
         lines.append(f"# Nothing here looks like {name}, which a log needs: add the line below under 'signals'.")
         lines.append(f"#   {name}: {{column: ?, unit: {NEEDED[name]}, clock: {next(iter(mapping['clocks']), '?')}}}")

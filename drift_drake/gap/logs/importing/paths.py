@@ -13,7 +13,7 @@ import numpy as np
 import pandas as pd
 
 from drift_drake.gap.logs.importing.formats.files import InvalidRecordingError
-from drift_drake.gap.logs.importing.known import missing_quantities, untold
+from drift_drake.gap.logs.importing.known import missing_quantities, not_given
 from drift_drake.gap.logs.importing.mapping import RecorderMapping
 from drift_drake.gap.logs.importing.recording import read_recording
 from drift_drake.gap.logs.importing.stretches import moving_stretches, stretch_of
@@ -79,4 +79,4 @@ def path_sentences(paths: Sequence[DrivenPath], mapping: RecorderMapping) -> lis
             f"up to {table['v'].max():.3g} m/s and {across:.3g} m/s^2 across the path "
             f"(its tyres had a friction of {across / GRAVITY:.2g} or more)"
         )
-    return [*lines, untold(missing_quantities(mapping))]
+    return [*lines, not_given(missing_quantities(mapping))]

@@ -5,12 +5,14 @@ noise. It is judged where the baseline's own is white: what is left of a smoothe
 """
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
+from scipy.special import logsumexp
 from scipy.stats import t as student
 
 from drift_drake.gap.estimation.windows import PREDICTED, WindowedRun
-from drift_drake.gap.logs.noise import CLIP, DIFFERENCES, white_noise_level
+from drift_drake.gap.logs.noise import CLIP, fourth_differences, white_noise_level
 
 NOT_WHITE = 0.0  # stands for a level where noise is not white
 OF_WHITE = -0.8  # correlation of white noise's neighbouring fourth differences: -56 / 70
@@ -20,14 +22,14 @@ SCATTER, COUNTS = (
     4.0,
 )  # of a level's logarithm between recordings before these are seen, and recordings it is worth
 CHANGES = 1.2  # standard deviation of a logarithm that has changed: threefold
+SURE = 3.0  # [nats] of evidence, from which a change is said
 LEAST_ROWS = 200
 FURTHEST = 3.0  # of a logarithm: of a coarse signal most differences are zero
 
 
 def is_white(values: np.ndarray) -> bool:
     """Whether the noise on a signal [n] is white: by its neighbouring fourth differences."""
-    fourth = np.diff(values, n=DIFFERENCES)
-    spread = float(np.median(np.abs(fourth - np.median(fourth)))) / 0.6744897501960817
+    fourth, spread = fourth_differences(values)
     bounded = np.clip(fourth, -CLIP * spread, CLIP * spread)
     power = float(bounded @ bounded)
     return power > 0.0 and abs(float(bounded[1:] @ bounded[:-1]) / power - OF_WHITE) < APART
@@ -51,15 +53,35 @@ def log_levels(runs: Sequence[WindowedRun], white: bool) -> np.ndarray:
     return out
 
 
-def changed(baseline: np.ndarray, runs: Sequence[WindowedRun]) -> tuple[np.ndarray, np.ndarray]:
-    """Whether the noise on a day's readings has changed.
+class NoiseChange(NamedTuple):
+    """Whether the noise on a day's readings has changed, by channel of `PREDICTED`; zero where it is not judged."""
+
+    ratios: np.ndarray  # logarithms of the day's noise over the baseline's [channels]
+    evidence: np.ndarray  # log evidence of a change over that of none [channels]
+
+    @property
+    def log_evidence(self) -> float | None:
+        """Of a change of one channel, any of them; None where none is judged."""
+        judged = self.evidence[self.evidence != 0.0]
+        return float(logsumexp(judged) - np.log(len(judged))) if len(judged) else None
+
+    def sentences(self) -> list[str]:
+        """Which readings are noisier or quieter than the baseline's, beyond chance."""
+        return [
+            f"the noise on {name} is {np.exp(ratio):.2g} times the baseline's: another sensor, coarser steps or a "
+            "filter"
+            for name, ratio, nats in zip(PREDICTED, self.ratios, self.evidence, strict=True)
+            if nats > SURE
+        ]
+
+
+def changed(baseline: np.ndarray, runs: Sequence[WindowedRun]) -> NoiseChange:
+    """The change of the noise relative to a baseline's.
+
+    Normal distributions, whose variance the baseline's recordings teach (Student's t).
 
     Args:
         baseline: white `log_levels` [recordings, channels]; runs: of the day.
-
-    Returns:
-        By channel the logarithm of the ratio to the baseline's and the log evidence of a change over that of none, from
-        normal distributions whose variance the baseline's recordings teach (Student's t); zero where it is not judged.
     """
     day, count = log_levels(runs, white=False), len(baseline)
     ratios, evidence = np.zeros(len(PREDICTED)), np.zeros(len(PREDICTED))
@@ -72,4 +94,4 @@ def changed(baseline: np.ndarray, runs: Sequence[WindowedRun]) -> tuple[np.ndarr
             ratios[i] = np.clip(now.mean() - baseline[:, i].mean(), -FURTHEST, FURTHEST)
             same, other = (student.logpdf(ratios[i], free, scale=np.sqrt(v)) for v in (variance, variance + CHANGES**2))
             evidence[i] = other - same
-    return ratios, evidence
+    return NoiseChange(ratios, evidence)

@@ -21,15 +21,20 @@ CONTINUES = 3.0  # times the usual step, that is left of a wrap's once it is und
 MOST_OUT = 0.1  # of the rows: more are no jumps
 
 
+def fourth_differences(values: np.ndarray) -> tuple[np.ndarray, float]:
+    """Fourth differences of a signal [n] about their median, and their robust standard deviation."""
+    fourth = np.diff(values, n=DIFFERENCES)
+    fourth = fourth - np.median(fourth)
+    return fourth, float(np.median(np.abs(fourth))) / 0.6744897501960817
+
+
 def white_noise_level(values: np.ndarray) -> float:
     """Standard deviation of the white noise on a smooth signal [n], robust against jumps.
 
     From the fourth differences: the noise's variance is multiplied by the sum of the squared binomial coefficients
     (70), a smooth motion's fourth difference is far smaller. Differences beyond `CLIP` deviations are left out.
     """
-    fourth = np.diff(values, n=DIFFERENCES)
-    fourth = fourth - np.median(fourth)
-    spread = float(np.median(np.abs(fourth))) / 0.6744897501960817
+    fourth, spread = fourth_differences(values)
     kept = fourth[np.abs(fourth) <= CLIP * spread]
     return float(np.sqrt(np.mean(kept**2) / 70.0)) if len(kept) else 0.0
 

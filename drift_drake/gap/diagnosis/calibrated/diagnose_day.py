@@ -35,10 +35,9 @@ from drift_drake.gap.estimation.reduction import STATES, Reduction
 from drift_drake.gap.estimation.scores import Day, make_day
 from drift_drake.gap.estimation.unknowns import magnitudes
 from drift_drake.gap.estimation.usable import seen_effects
-from drift_drake.gap.estimation.windows import PREDICTED, rows_between_starts, thinned, windowed
+from drift_drake.gap.estimation.windows import rows_between_starts, thinned, windowed
 from drift_drake.gap.evidence.constants import PRIORS, WORTH_A_PAIR
 from drift_drake.gap.evidence.hypotheses import Hypothesis, Search, as_change
-from drift_drake.gap.evidence.left_over import log_mean
 from drift_drake.gap.evidence.posterior import UNKNOWN, PosteriorConstants, hypothesis_name
 from drift_drake.gap.evidence.ranking import FALSE_ALARMS, DayRanked, ranked, threshold
 
@@ -52,7 +51,6 @@ FAR_BEYOND = (
     "errors are far beyond normal: causes are judged by the errors that they remove at the shortest horizon, and "
     "may be what the calibration could not see instead of a change since"
 )
-SURE_OF_NOISE = 3.0  # [nats] of evidence for changed noise, from which it is said
 NEAR, NEAR_SHARE = 60.0, 0.3  # [nats] behind the best single, and share of what it explains, from where none is judged
 SINGLES, PAIRS = 10, 3  # leading ones that are judged at the changed car
 
@@ -93,7 +91,8 @@ def diagnose_day(
     search = search_of(runs, vehicle, normal, own, names, case, workers)
     none, others = hypotheses_of(search, tell)
     tell("how far it shrinks", 0.8)
-    found, shrinks = ranked_hypotheses(search, none, others, constants, false_alarms)
+    noise = changed(normal.noise, search.day.runs)
+    found, shrinks = ranked_hypotheses(search, none, others, constants, false_alarms, noise.log_evidence)
     if found.verdict == UNKNOWN and not doubts and gross(search, none) > GROSS:
         found, shrinks = judged_by_errors(
             search, constants, lambda share: tell("a gap far beyond normal", 0.8 + 0.1 * share)
@@ -107,7 +106,7 @@ def diagnose_day(
         warnings += [unseen_sentence(name, q) for name, q in h.beside.items()]
     left = left_over_of(search, found, shrinks, none)
     warnings += [left_over_sentence(left)] if left else []
-    warnings += noise_sentences(search)
+    warnings += noise.sentences()
     causes = {name: interval(h, i) for i, name in enumerate(h.names)}
     answer = Answer(
         case=case, verdict=found.verdict, causes=list(h.names) if named else [], posterior=found.probabilities,
@@ -159,16 +158,6 @@ def left_over_sentence(left: Mapping[str, Any]) -> str:
     like = f"; it acts like {left['like']}" if left["like"] else ""
     share = f"{100 * left['share']:.0f} % of the gap"
     return f"{share} is left that no catalogued effect explains, in {signals}{driving}{like}"
-
-
-def noise_sentences(search: Search) -> list[str]:
-    """Which readings are noisier or quieter than the baseline's, beyond chance."""
-    ratios, evidence = changed(search.normal.noise, search.day.runs)
-    return [
-        f"the noise on {name} is {np.exp(ratio):.2g} times the baseline's: another sensor, coarser steps or a filter"
-        for name, ratio, nats in zip(PREDICTED, ratios, evidence, strict=True)
-        if nats > SURE_OF_NOISE
-    ]
 
 
 def hypotheses_of(search: Search, tell: Progress) -> tuple[Hypothesis, list[Hypothesis]]:
@@ -241,25 +230,22 @@ def search_of(
 
 def ranked_hypotheses(
     search: Search, none: Hypothesis, others: Sequence[Hypothesis], constants: PosteriorConstants,
-    false_alarms: float = FALSE_ALARMS,
+    false_alarms: float = FALSE_ALARMS, noise: float | None = None,
 ) -> tuple[DayRanked, Reduction]:  # fmt: skip
     """Probabilities, led by no cause that cannot be told from zero or removes nothing on held-out blocks."""
     kept = [none, *others]
     # Nothing can be judged where too little of the driving is known from the calibration.
     doubt = max(1.0 - float(np.mean(search.day.weights)) / LEAST_FAMILIAR, 0.0)
-    _, noise = changed(search.normal.noise, search.day.runs)
-    judged_noise = noise[noise != 0.0]
-    noisier = float(log_mean(judged_noise, 0)) if len(judged_noise) else None
     counts = len(search.ranges), constants, doubt, false_alarms
     while True:
-        found = ranked(kept, *counts, noise=noisier)
+        found = ranked(kept, *counts, noise)
         leading = stated(search, found.leading)
         shrinks = reduction(search, leading, leading)
         if not leading.names or (tells_from_zero(found.leading) and shrinks.estimate > 0.0):
             break
         kept = [h for h in kept if h is not found.leading]
     if gross(search, leading) > GROSS:
-        found = ranked(kept, *counts[:2], max(doubt, CERTAIN), false_alarms, noisier)
+        found = ranked(kept, *counts[:2], max(doubt, CERTAIN), false_alarms, noise)
     return dataclasses.replace(found, leading=leading), shrinks
 
 

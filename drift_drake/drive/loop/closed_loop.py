@@ -32,7 +32,7 @@ from drift_drake.drive.loop.faults import Change, Fault, check_change, make_chan
 from drift_drake.drive.loop.learners import Learners, check_planner, lane_tightening
 from drift_drake.drive.loop.metrics import RunMetrics, run_metrics
 from drift_drake.drive.loop.runner import LogFile, Logs, make_simulator, read_log
-from drift_drake.drive.loop.watch import LoopPorts, LoopWatch, Paced, Watched
+from drift_drake.drive.loop.watch import LoopPorts, LoopWatch, Watched
 from drift_drake.drive.mpc.controller import Controller, MpcController
 from drift_drake.drive.mpc.mpc import Mpc, SolveStatistics
 from drift_drake.drive.mpc.ocp import OcpWeights
@@ -143,13 +143,12 @@ class ClosedLoop:
         self.screen, measured_state, state = self._screened(builder, control, noise, known)
         plan = points.plans(self.controller.GetOutputPort("plan"))
         reading = None if self.screen is None else self.screen.GetOutputPort("reading")
-        ports = LoopPorts(measured_state, command, self.car.GetOutputPort("log_row"), reading)
-        watched, paced = Watched(measured_state, {}), Paced(plan)
+        ports = LoopPorts(measured_state, command, self.car.GetOutputPort("log_row"), plan, reading)
+        watched = Watched(measured_state, plan, {})
         if watch is not None:
-            watched = watch.watching(builder, ports, model)
-            paced = watch.pacing(builder, ports, plan, parameters, reference, control.horizon, control.period)
-        self.watch, self.pace = watch, paced.pace
-        self.safe_stop, plan = self._supervised(builder, control, paced.plan, state)
+            watched = watch.watching(builder, ports, model, parameters, reference, control.horizon, control.period)
+        self.watch, self.pace = watch, watched.pace
+        self.safe_stop, plan = self._supervised(builder, control, watched.plan, state)
         builder.Connect(plan, self.actuator.GetInputPort("plan"))
         measured_state = watched.measured_state
         builder.Connect(points.solver(measured_state), self.controller.GetInputPort("measured_state"))
@@ -157,7 +156,7 @@ class ClosedLoop:
             learners.connect(builder, self.controller, measured_state, command, watched.effects, watched.trusted)
         builder.Connect(points.actuators(command, parameters), self.car.GetInputPort("command"))
         self.logs = Logs(builder, control.period)
-        for name, (port, columns) in (self._logged(received, detector) | watched.logged | paced.logged).items():
+        for name, (port, columns) in (self._logged(received, detector) | watched.logged).items():
             self.logs.add(port, columns, name)
         self.diagram: Diagram = builder.Build()
         self.diagram.set_name("closed_loop")

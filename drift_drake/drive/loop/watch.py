@@ -13,27 +13,22 @@ from drift_drake.drive.reference.trajectory import Reference
 class LoopPorts(NamedTuple):
     """What a watch is given of the loop."""
 
-    measured_state: OutputPort  # as the controller has it
+    measured_state: OutputPort  # as the screen leaves it
     command: OutputPort  # in force
     log_row: OutputPort  # `car.sensors.LOG_ROW`
+    plan: OutputPort  # the controller's
     reading: OutputPort | None  # kind of it (`drive.screening.screen.ReadingKind`), where readings are screened
 
 
 class Watched(NamedTuple):
-    """What it gives the loop."""
+    """What the loop goes on with."""
 
     measured_state: OutputPort  # for the controller
+    plan: OutputPort  # for the actuator
     logged: dict[str, tuple[OutputPort, Sequence[str]]]  # ports and their columns of a run's table, by logger
     effects: OutputPort | None = None  # for the controller's model
     trusted: OutputPort | None = None  # for an adapter that forgets
-
-
-class Paced(NamedTuple):
-    """A plan as the loop is to follow it."""
-
-    plan: OutputPort
     pace: float | None = None  # [m/s] at the slowest; None where the reference's speeds stay
-    logged: dict[str, tuple[OutputPort, Sequence[str]]] = {}  # noqa: RUF012 (never written to)
 
 
 class LoopWatch(Protocol):
@@ -43,11 +38,8 @@ class LoopWatch(Protocol):
     def effects_size(self) -> int:
         """Of the effects that it gives the controller's model; 0 for none."""
 
-    def watching(self, builder: DiagramBuilder, ports: LoopPorts, model: StepModel | None) -> Watched:
-        """Adds its systems to a loop whose controller believes `model`."""
-
-    def pacing(
-        self, builder: DiagramBuilder, ports: LoopPorts, plan: OutputPort, parameters: VehicleParameters,
+    def watching(
+        self, builder: DiagramBuilder, ports: LoopPorts, model: StepModel | None, parameters: VehicleParameters,
         reference: Reference, steps: int, period: float,
-    ) -> Paced:  # fmt: skip
-        """Adds what stands between the controller's plans (of `steps`, each `period` [s]) and the actuator."""
+    ) -> Watched:  # fmt: skip
+        """Adds its systems to a loop whose controller believes `model`, and plans `steps`, each `period` [s]."""

@@ -13,7 +13,7 @@ from drift_drake.car.sensors import LOG_ROW, MEASURED_STATE
 from drift_drake.car.single_track.effects_step import EffectsStepModel
 from drift_drake.car.step_model import StepModel
 from drift_drake.common.updates import declare_update
-from drift_drake.drive.loop.watch import LoopPorts, Paced, Watched
+from drift_drake.drive.loop.watch import LoopPorts, Watched
 from drift_drake.drive.reference.trajectory import Reference
 from drift_drake.gap.estimation.filter_state import CHANNELS
 from drift_drake.gap.monitoring.bank import BankState
@@ -123,8 +123,11 @@ class GapWatch:
         """Of a correction, which the controller's model takes."""
         return COUNT if self.policy in CORRECTING else 0
 
-    def watching(self, builder: DiagramBuilder, ports: LoopPorts, model: StepModel | None) -> Watched:
-        """Adds the monitor and, by the policy, the correction of the controller's model.
+    def watching(
+        self, builder: DiagramBuilder, ports: LoopPorts, model: StepModel | None, parameters: VehicleParameters,
+        reference: Reference, steps: int, period: float,
+    ) -> Watched:  # fmt: skip
+        """Adds the monitor and, by the policy, the correction of the controller's model and the slow-down.
 
         Raises:
             ValueError: a correction of a model that takes none.
@@ -134,36 +137,29 @@ class GapWatch:
         system = builder.AddNamedSystem("monitor", GapMonitor(self.monitor))
         for name in ("measured_state", "command", "log_row"):
             builder.Connect(getattr(ports, name), system.GetInputPort(name))
-        logged = logged_ports(system)
-        if self.policy not in CORRECTING:
-            trusted = system.GetOutputPort("trusted") if self.policy == "forget" else None
-            return Watched(ports.measured_state, logged, trusted=trusted)
-        correction = builder.AddNamedSystem("correction", GapCorrection(self.monitor))
-        for name in ("posterior", "magnitude"):
-            builder.Connect(system.GetOutputPort(name), correction.GetInputPort(name))
-        builder.Connect(ports.measured_state, correction.GetInputPort("measured_state"))
-        return Watched(correction.GetOutputPort("corrected_state"), logged, correction.GetOutputPort("effects"))
-
-    def pacing(
-        self, builder: DiagramBuilder, ports: LoopPorts, plan: OutputPort, parameters: VehicleParameters,
-        reference: Reference, steps: int, period: float,
-    ) -> Paced:  # fmt: skip
-        """Adds, by the policy, the slow-down between plans and actuator."""
-        if self.policy not in SLOWING:
-            return Paced(plan)
-        system = SlowDown(parameters, reference, self.monitor.labels, steps, period)
-        builder.AddNamedSystem("slow_down", system)
-        monitor = builder.GetSubsystemByName("monitor")
-        wires = {"plan": plan, "state": ports.measured_state, "command": ports.command, "reading": ports.reading,
-                 "posterior": monitor.GetOutputPort("posterior")}  # fmt: skip
+        trusted = system.GetOutputPort("trusted") if self.policy == "forget" else None
+        watched = Watched(ports.measured_state, ports.plan, logged_ports(system), trusted=trusted)
+        posterior, corrected = system.GetOutputPort("posterior"), None
         if self.policy in CORRECTING:
-            wires["correction"] = builder.GetSubsystemByName("correction").GetOutputPort("correction")
+            correction = builder.AddNamedSystem("correction", GapCorrection(self.monitor))
+            for name in ("posterior", "magnitude"):
+                builder.Connect(system.GetOutputPort(name), correction.GetInputPort(name))
+            builder.Connect(ports.measured_state, correction.GetInputPort("measured_state"))
+            corrected = correction.GetOutputPort("correction")
+            watched = watched._replace(
+                measured_state=correction.GetOutputPort("corrected_state"), effects=correction.GetOutputPort("effects")
+            )
+        if self.policy not in SLOWING:
+            return watched
+        slow = SlowDown(parameters, reference, self.monitor.labels, steps, period)
+        builder.AddNamedSystem("slow_down", slow)
+        wires = {"plan": ports.plan, "state": ports.measured_state, "command": ports.command,
+                 "reading": ports.reading, "posterior": posterior, "correction": corrected}  # fmt: skip
         for name, port in wires.items():
             if port is not None:
-                builder.Connect(port, system.GetInputPort(name))
-        return Paced(
-            system.GetOutputPort("paced_plan"), system.pace, {"slow": (system.GetOutputPort("slow"), ("slow",))}
-        )
+                builder.Connect(port, slow.GetInputPort(name))
+        logged = watched.logged | {"slow": (slow.GetOutputPort("slow"), ("slow",))}
+        return watched._replace(plan=slow.GetOutputPort("paced_plan"), pace=slow.pace, logged=logged)
 
 
 def logged_ports(system: GapMonitor) -> dict[str, tuple[OutputPort, Sequence[str]]]:

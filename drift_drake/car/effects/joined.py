@@ -29,10 +29,10 @@ def joined_physics(effects: Sequence[str], memory: Sequence[str]) -> tuple[Funct
         return total
 
     return (
-        chain("actuation", lambda delta, tau, v, q, memory: (delta, tau), _after),  # noqa: ARG005
-        chain("reading", lambda r, beta, omega_r, q: (0.0, 0.0, 0.0), _with_error),  # noqa: ARG005
-        chain("rate", lambda r, v, beta, omega_r, delta, tau, car, q, memory: (), _with_rate),  # noqa: ARG005
-        chain("start", lambda r, v, beta, omega_r, delta, tau, car, q: (), _with_start),  # noqa: ARG005
+        chain("actuation", lambda delta, tau, v, q, memory: (delta, tau), _after),
+        chain("reading", lambda r, beta, omega_r, q: (0.0, 0.0, 0.0), _with_error),
+        chain("rate", lambda r, v, beta, omega_r, delta, tau, car, q, memory: (), _with_rate),
+        chain("start", lambda r, v, beta, omega_r, delta, tau, car, q: (), _with_start),
         _forces(effects, memory, ()),
         _forces(effects, memory, ("parameter", "nothing")),
     )
@@ -54,7 +54,7 @@ def _forces(effects: Sequence[str], memory: Sequence[str], left_out: Sequence[st
 
 def over(places: Iterable[int], nothing: Any, join: Callable[[Function, int], Function]) -> Function:
     """A function of all magnitudes: `nothing`, joined with those at these places (`plus`, `or_there`)."""
-    total = jitable(lambda q: nothing)  # noqa: ARG005
+    total = jitable(lambda q: nothing)
     for place in places:
         total = jitable(join(total, place))
     return total
@@ -71,7 +71,7 @@ def or_there(before: Function, place: int) -> Function:
 def _own_numbers(index: int, place: int | None) -> Function:
     """An effect's magnitude, and its state behind it where it has one."""
     if place is None:
-        return jitable(lambda q, memory: (q[index],))  # noqa: ARG005
+        return jitable(lambda q, memory: (q[index],))
     return jitable(lambda q, memory: (q[index], memory[place]))
 
 

@@ -68,11 +68,16 @@ class NoiseChange(NamedTuple):
     def sentences(self) -> list[str]:
         """Which readings are noisier or quieter than the baseline's, beyond chance."""
         return [
-            f"the noise on {name} is {np.exp(ratio):.2g} times the baseline's: another sensor, coarser steps or a "
-            "filter"
+            f"the noise on {name} is {_times(ratio)} the baseline's: another sensor, coarser steps or a filter"
             for name, ratio, nats in zip(PREDICTED, self.ratios, self.evidence, strict=True)
             if nats > SURE
         ]
+
+
+def _times(ratio: float) -> str:
+    """A logarithm of a ratio in words; beyond `FURTHEST` it is cut."""
+    cut = "" if abs(ratio) < FURTHEST else ("more than " if ratio > 0.0 else "less than ")
+    return f"{cut}{np.exp(ratio):.2g} times"
 
 
 def changed(baseline: np.ndarray, runs: Sequence[WindowedRun]) -> NoiseChange:

@@ -69,6 +69,16 @@ def test_a_coarse_a_noisier_and_a_filtered_wheel_speed_are_seen(baseline: np.nda
         assert np.all(np.delete(evidence, WHEEL) < 0.0)
 
 
+def test_a_yaw_rate_in_degrees_is_said_and_a_spike_is_not(baseline: np.ndarray) -> None:
+    run = recording(9, "later")
+    spike, degrees = run.y.copy(), run.y.copy()
+    spike[600, WHEEL] += 30.0
+    degrees[:, 0] *= 57.3
+    assert changed(baseline, [dataclasses.replace(run, y=spike)]).sentences() == []
+    (sentence,) = changed(baseline, [dataclasses.replace(run, y=degrees)]).sentences()
+    assert sentence.startswith("the noise on r is more than 20 times the baseline's: another sensor")
+
+
 def test_changed_noise_alone_is_something_else_and_no_change_costs_little() -> None:
     assert with_noise(4.0, None) == 4.0
     assert with_noise(-2.0, 8.0) > 4.0  # though the scores speak against it

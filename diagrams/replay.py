@@ -12,14 +12,14 @@ import pandas as pd
 import tyro
 
 from diagrams.command import run_command
-from drift_drake.car.vehicle_file import read_vehicle
+from drift_drake.car.double_track.car_file import read_car
 from drift_drake.common.run_folder import make_run_folder, write_json, write_versions
 from drift_drake.common.safe_files import write_figure, write_table
 from drift_drake.view.pictures.graph import draw_graph
 from drift_drake.view.pictures.overhead import overhead
 from drift_drake.view.pictures.time_series import side_by_side
 from drift_drake.view.playback.play import compare, describe, drawn, prepare, write_replay
-from drift_drake.view.playback.side_by_side import Played
+from drift_drake.view.playback.side_by_side import CarModel, Played
 
 
 @dataclasses.dataclass(frozen=True)
@@ -52,7 +52,7 @@ def wide_table(played: Played) -> pd.DataFrame:
 def main(config: ReplayConfig) -> None:
     """Replays, and leaves table, errors, pictures and the 3D replay in the run folder."""
     files = {"nominal": config.vehicle} | ({} if config.corrected is None else {"corrected": config.corrected})
-    vehicles = {name: read_vehicle(path) for name, path in files.items()}
+    vehicles = {name: CarModel(*read_car(path)) for name, path in files.items()}
     prepared = prepare(config.log, vehicles)
     folder = make_run_folder("replay", config.out)
     if config.graph:
@@ -65,7 +65,7 @@ def main(config: ReplayConfig) -> None:
     write_json(folder / "numbers.json", comparison)
     write_versions(folder)
     write_table(wide_table(played), folder / "replay.csv", index=False)
-    runs, parameters = drawn(played), vehicles["nominal"][0]
+    runs, parameters = drawn(played), vehicles["nominal"].parameters.single_track()
     write_figure(side_by_side(runs), folder / "time_series.png")
     write_figure(overhead(runs, parameters=parameters, car_every=1.5), folder / "overhead.png")
     write_replay(played, folder / "replay.html", config.log.name, config.restart, parameters)

@@ -3,7 +3,7 @@
 import dataclasses
 import math
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol, Self, TypeVar
 
 import numpy as np
 import yaml
@@ -67,6 +67,32 @@ class Tolerance:
     front_stiffness: float = 0.03
     rear_stiffness: float = 0.03
     steering_offset: float = 0.001  # [rad]
+
+
+class CarParameters(Protocol):
+    """A car of any kind by its parameters; `car.equations` finds its equations by the type of its constants."""
+
+    @property
+    def tolerance(self) -> Tolerance:
+        """What is known of it."""
+
+    def constants(self) -> Any:
+        """The numbers that its equations read."""
+
+    def with_constants(self, constants: Any) -> Self:
+        """A copy with these numbers, validated; raises InvalidVehicleError."""
+
+    def replace(self, **changes: Any) -> Self:
+        """A copy with some parameters changed, validated."""
+
+    def single_track(self) -> "VehicleParameters":
+        """The nearest single-track car, of the same tolerance: sizes and limits."""
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain data, as in a vehicle file."""
+
+
+SomeCar = TypeVar("SomeCar", bound=CarParameters)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -133,6 +159,10 @@ class VehicleParameters:
                 f"tyre is {shown(self.tyre)}; give one of {', '.join(TYRES)}, or install the package that has it"
             )
         return float(list(TYRES).index(self.tyre))
+
+    def single_track(self) -> "VehicleParameters":
+        """The car itself."""
+        return self
 
     def replace(self, **changes: Any) -> "VehicleParameters":
         """A copy with some parameters changed, validated again."""

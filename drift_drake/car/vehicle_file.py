@@ -12,6 +12,7 @@ import yaml
 from drift_drake.car.effects.catalogue import CATALOGUE
 from drift_drake.car.effects.magnitudes import Effects, magnitudes_of, make_effects
 from drift_drake.car.parameters import (
+    CarParameters,
     Constants,
     InvalidVehicleError,
     VehicleParameters,
@@ -145,7 +146,8 @@ def read_vehicle(path: str | Path) -> tuple[VehicleParameters, Effects]:
     data: Any = vehicle_data(path)
     if isinstance(data, dict) and DOUBLE_TRACK in data:
         raise InvalidVehicleError(
-            f"{path}: holds a double-track car, which 'drift-drake drive' takes; give a single-track vehicle file here"
+            f"{path}: holds a double-track car, which 'drift-drake identify', 'check', 'diagnose', 'apply', 'replay' "
+            "and 'drive' take; give a single-track vehicle file here"
         )
     effects = effects_of(data.pop("effects", None) if isinstance(data, dict) else None, str(path))
     parameters = VehicleParameters.from_dict(data, str(path))
@@ -176,19 +178,19 @@ def effects_of(magnitudes: Any, source: str) -> Effects:
 
 def write_vehicle(
     path: str | Path,
-    parameters: VehicleParameters,
+    parameters: CarParameters,
     effects: Effects = Effects(),
 ) -> None:
-    """Writes a vehicle file that `read_vehicle` reads back; effects of zero magnitude are left out."""
+    """Writes a vehicle file that is read back to the same car; effects of zero magnitude are left out."""
     write_text(path, yaml.safe_dump(_plain(parameters, effects), sort_keys=False))
 
 
-def vehicle_hash(parameters: VehicleParameters, effects: Effects) -> str:
+def vehicle_hash(parameters: CarParameters, effects: Effects) -> str:
     """SHA-256 of a vehicle file's numbers: the same however they are laid out and commented."""
     return hashlib.sha256(json.dumps(_numbers(_plain(parameters, effects)), sort_keys=True).encode()).hexdigest()
 
 
-def _plain(parameters: VehicleParameters, effects: Effects) -> dict[str, Any]:
+def _plain(parameters: CarParameters, effects: Effects) -> dict[str, Any]:
     data = parameters.to_dict()
     magnitudes = magnitudes_of(effects)
     return data | ({"effects": magnitudes} if magnitudes else {})
@@ -205,4 +207,4 @@ def _numbers(data: dict[str, Any]) -> dict[str, Any]:
 def stated_tolerances(path: str | Path) -> frozenset[str]:
     """Names of the tolerances that a vehicle file states; the others have `Tolerance`'s defaults."""
     data: Any = vehicle_data(path)
-    return frozenset(str(name) for name in (data.get("tolerance") or {}))
+    return frozenset(str(name) for name in (data.get(DOUBLE_TRACK, data).get("tolerance") or {}))

@@ -7,8 +7,9 @@ from typing import Annotated
 
 import tyro
 
+from drift_drake.car.double_track.car_file import read_car
 from drift_drake.car.effects.magnitudes import magnitudes_of
-from drift_drake.car.vehicle_file import check_effects, check_plausible, read_vehicle, write_vehicle
+from drift_drake.car.vehicle_file import check_effects, check_plausible, write_vehicle
 from drift_drake.common.safe_files import try_outputs
 from drift_drake.common.standard_output import said_to, write_results
 from drift_drake.gap.diagnosis.answers.answer import read_answer
@@ -39,12 +40,12 @@ class Apply:
 
 def run_apply(command: Apply) -> None:
     answer = read_answer(command.answer)
-    nominal, own = read_vehicle(command.vehicle)
+    nominal, own = read_car(command.vehicle)
     if not command.force and (warning := check_diagnosed(answer, nominal, own, command.vehicle)):
         print(f"warning: {warning}", file=sys.stderr)
     vehicle, effects = corrected_vehicle(nominal, answer, command.tolerances, own)
-    check_plausible(vehicle, f"{command.vehicle} with {command.answer}")
-    check_effects(effects, vehicle, f"{command.vehicle} with {command.answer}")
+    check_plausible(vehicle.single_track(), f"{command.vehicle} with {command.answer}")
+    check_effects(effects, vehicle.single_track(), f"{command.vehicle} with {command.answer}")
     try_outputs({"--out": command.out, "--json": command.json}, [command.answer])
     write_vehicle(command.out, vehicle, effects)
     print(f"{command.out}: {answer.sentence()}", file=said_to(command.json))

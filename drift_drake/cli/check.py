@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 import numpy as np
 import tyro
 
+from drift_drake.car.double_track.car_file import read_car
 from drift_drake.car.effects.catalogue import CATALOGUE, LIMITS, shown_by
 from drift_drake.car.log.table import run_paths
-from drift_drake.car.vehicle_file import read_vehicle
 from drift_drake.common.errors import InvalidOptionError, significant
 from drift_drake.common.interruption import ended_at_once
 from drift_drake.common.plain_files import check_file
@@ -64,7 +64,7 @@ def run_check(command: Check) -> None:
     if command.for_calibration and (command.vehicle is None or command.calibration is not None):
         raise InvalidOptionError("--for-calibration is of a first guess; give --vehicle, and no --calibration")
     if command.vehicle is not None:
-        read_vehicle(command.vehicle)
+        read_car(command.vehicle)
     inputs = [path for path in (command.vehicle, command.calibration, *run_paths(command.logs)) if path is not None]
     try_outputs({"--json": command.json}, inputs)
     with ended_at_once():

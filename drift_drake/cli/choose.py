@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
-from drift_drake.car.double_track.car_file import write_double_track
 from drift_drake.car.effects.magnitudes import magnitudes_of
 from drift_drake.car.log.table import read_case, run_paths
 from drift_drake.car.parameters import VehicleParameters
@@ -17,7 +16,7 @@ from drift_drake.common.standard_output import progress_bar, said_to, write_resu
 from drift_drake.gap.choose.usable_drives import check_drives
 
 if TYPE_CHECKING:
-    from drift_drake.gap.choose.identified import IdentifiedCar
+    pass
 
 
 @dataclasses.dataclass(frozen=True)
@@ -55,7 +54,7 @@ def run_choose(command: Choose) -> None:
     if command.out is not None:
         said = "not written, since no car was identified: give some nine seconds of lively driving"
         if car is not None:
-            write_identified(command.out, car)
+            write_vehicle(command.out, car.vehicle, car.effects)
             said = "the car that the logs identify"
         print(f"{command.out}: {said}", file=said_to(command.json))
     write_results(command.json, {
@@ -64,11 +63,3 @@ def run_choose(command: Choose) -> None:
         "tracks": car and (1 if isinstance(car.vehicle, VehicleParameters) else 2),
         "vehicle": car and car.vehicle, "effects": car and magnitudes_of(car.effects),
     })  # fmt: skip
-
-
-def write_identified(path: Path, car: "IdentifiedCar") -> None:
-    """Writes a vehicle file of the car, of one track or two."""
-    if isinstance(car.vehicle, VehicleParameters):
-        write_vehicle(path, car.vehicle, car.effects)
-    else:
-        write_double_track(path, car.vehicle, car.effects)

@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING, Annotated, Any, TextIO
 import tyro
 
 from drift_drake.car.compilation import say_if_it_compiles
+from drift_drake.car.double_track.car_file import read_car
 from drift_drake.car.effects.catalogue import CATALOGUE
 from drift_drake.car.log.cases import case_folders, case_name
 from drift_drake.car.log.table import InvalidLogError, run_paths
-from drift_drake.car.parameters import InvalidVehicleError, VehicleParameters
-from drift_drake.car.vehicle_file import read_vehicle
+from drift_drake.car.parameters import CarParameters, InvalidVehicleError
 from drift_drake.common import safe_files
 from drift_drake.common.errors import DriftDrakeError, InvalidOptionError, meant
 from drift_drake.common.executors import ExecutorConfig
@@ -96,7 +96,7 @@ class Diagnose:
 
 def run_diagnose(command: Diagnose) -> int:
     """`drift-drake diagnose`; returns its exit code."""
-    vehicle, own = read_vehicle(command.vehicle)
+    vehicle, own = read_car(command.vehicle)
     effects = chosen_effects(command)
     check_options(effects, command.without, command.every, command.most_seconds, command.workers)
     trusting = (
@@ -173,7 +173,7 @@ def _report(command: Diagnose, diagnosis: "Diagnosis | DayDiagnosis", path: Path
 
 
 def _diagnose_many(
-    command: Diagnose, vehicle: VehicleParameters, folders: Sequence[Path], options: Mapping[str, Any]
+    command: Diagnose, vehicle: CarParameters, folders: Sequence[Path], options: Mapping[str, Any]
 ) -> list[Answer]:
     """A folder of cases; those that `--json` holds the answers to already are left as they are."""
     count, before = len(folders), dict[Path, Answer]()

@@ -8,13 +8,14 @@ from typing import TYPE_CHECKING, Annotated
 import tyro
 
 from drift_drake.car.compilation import say_if_it_compiles
+from drift_drake.car.double_track.car_file import read_car
 from drift_drake.car.log.table import case_paths
-from drift_drake.car.vehicle_file import read_vehicle, write_vehicle
+from drift_drake.car.vehicle_file import write_vehicle
 from drift_drake.common.errors import significant, unit_suffix
 from drift_drake.common.interruption import ended_at_once
 from drift_drake.common.safe_files import try_outputs, write_text
 from drift_drake.common.standard_output import STANDARD_OUTPUT, command_line, progress_bar, said_to, write_results
-from drift_drake.gap.identification.options import EFFECTS, KNOWN, Criterion
+from drift_drake.gap.identification.options import EFFECTS, KNOWN, CarKind, Criterion
 
 if TYPE_CHECKING:
     from drift_drake.gap.identification.calibration import Identification, Parameter
@@ -48,6 +49,9 @@ class Identify:
     criterion: Criterion = "auto"
     """What a car is judged by: the filter's likelihood, exact where innovations are white, or prediction errors half a
     second ahead; auto lets the logs choose, and says so."""
+    car: CarKind = "single-track"
+    """Kind of car, where it is judged by prediction: auto tries both kinds, takes a double-track car where that
+    predicts held-out parts better, and says so."""
     force: bool = False
     """Calibrate and write the files also on logs that are too gentle, where a known parameter comes out far from what
     is known of it, or where held-out parts are predicted worse than by the first guess."""
@@ -56,7 +60,7 @@ class Identify:
 
 
 def run_identify(command: Identify) -> None:
-    read_vehicle(command.vehicle)
+    read_car(command.vehicle)
     outputs = {"--out": command.out, "--json": command.json, "--report": command.report}
     logs = [path for folder in command.logs for path in case_paths(folder)]
     try_outputs(outputs, [command.vehicle, *logs])
@@ -67,7 +71,7 @@ def run_identify(command: Identify) -> None:
     with progress_bar(command.quiet) as show:
         found = identify(
             command.logs, command.vehicle, known=command.known, effects=command.effects, criterion=command.criterion,
-            force=command.force, watching=command.json is not None, progress=show,
+            car=command.car, force=command.force, watching=command.json is not None, progress=show,
         )  # fmt: skip
     print(summary(found, command.json), file=said_to(command.json))
     if found.calibration.held_out.ratio > 1.0 and not command.force:

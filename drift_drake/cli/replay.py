@@ -6,8 +6,8 @@ from typing import Annotated
 
 import tyro
 
+from drift_drake.car.double_track.car_file import read_car
 from drift_drake.car.log.table import InvalidLogError
-from drift_drake.car.vehicle_file import read_vehicle
 from drift_drake.common.interruption import ended_at_once
 from drift_drake.common.plain_files import check_file
 from drift_drake.common.safe_files import try_outputs
@@ -38,7 +38,7 @@ class Replay:
 def run_replay(command: Replay) -> None:
     files = [path for path in (command.vehicle, command.corrected) if path is not None]
     for path in files:
-        read_vehicle(path)
+        read_car(path)
     check_file(command.log, InvalidLogError, "give the path of a run (CSV or Parquet)")
     try_outputs({"--html": command.html, "--json": command.json}, [command.log, *files])
     with ended_at_once():

@@ -17,6 +17,7 @@ import numpy as np
 
 from diagrams.command import run_command
 from drift_drake.car.effects.catalogue import CATALOGUE
+from drift_drake.car.given_vehicle import single_track_of
 from drift_drake.car.log.table import Run
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.common.run_folder import make_run_folder, write_json
@@ -78,7 +79,8 @@ def asked(found: Identification, runs: list[Run]) -> dict[str, Any]:
     if c.normal is not None:
         answer = diagnose_day(runs, found.vehicle, c.normal, own=found.effects, workers=1).answer
     else:
-        answer = diagnose(runs, found.vehicle, workers=1, process_scale=c.trust.process, noise_scale=c.trust.noise,
+        car = single_track_of(found.vehicle)
+        answer = diagnose(runs, car, workers=1, process_scale=c.trust.process, noise_scale=c.trust.noise,
                           own=found.effects, row_weight=c.row_weight, everyday=c.everyday).answer  # fmt: skip
     return {
         "sentence": answer.sentence(),

@@ -10,8 +10,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from drift_drake.car.double_track.car_file import double_track_dict, double_track_from_dict
-from drift_drake.car.double_track.parameters import DoubleTrackParameters
+from drift_drake.car.double_track.car_file import double_track_from_dict
 from drift_drake.car.effects.magnitudes import Effects, make_effects
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.car.vehicle_file import DOUBLE_TRACK
@@ -174,12 +173,7 @@ def _plain(findings: Findings) -> dict[str, Any]:
     car = findings.car
     if car is None:
         return findings._asdict()
-    vehicle = (
-        {DOUBLE_TRACK: double_track_dict(car.vehicle)}
-        if isinstance(car.vehicle, DoubleTrackParameters)
-        else car.vehicle.to_dict()
-    )
-    return findings._asdict() | {"car": {"vehicle": vehicle, "effects": car.effects._asdict()}}
+    return findings._asdict() | {"car": {"vehicle": car.vehicle.to_dict(), "effects": car.effects._asdict()}}
 
 
 def _findings(stored: dict[str, Any], path: Path) -> Findings:

@@ -10,13 +10,20 @@ import numpy as np
 from tqdm import tqdm
 
 from drift_drake.car.effects.magnitudes import Effects
+from drift_drake.car.given_vehicle import single_track_of
 from drift_drake.car.log.table import read_case
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.car.vehicle_file import read_vehicle, stated_tolerances
 from drift_drake.common.errors import DriftDrakeError
 from drift_drake.gap.diagnosis.calibrated.diagnose_day import search_of
 from drift_drake.gap.estimation.admitted import admit
-from drift_drake.gap.estimation.baseline import Learnt, Seen, Stretches, learn_normal, seen_of, stretches_of
+from drift_drake.gap.estimation.baseline import (
+    Seen,
+    Stretches,
+    seen_of,
+    stretches_of,
+)
+from drift_drake.gap.estimation.learn_normal import Learnt, learn_normal
 from drift_drake.gap.estimation.normal import Normal
 from drift_drake.gap.estimation.prediction_constants import LEFT_OF_FITTED, LEFT_OF_OTHERS, REGULAR
 from drift_drake.gap.estimation.scores import flat_scores
@@ -79,8 +86,10 @@ def calibrated(world: Path, folder: str) -> Calibrated:
 
     vehicle, effects = read_vehicle(world / "start.yaml")
     with patch.object(by_prediction, "learn_normal", learn):
-        found = identify(read_case(world / folder), vehicle, effects, world.name, criterion="prediction",
-                         tolerances=stated_tolerances(world / "start.yaml"), force=True)  # fmt: skip
+        found = identify(
+            read_case(world / folder), vehicle, effects, world.name, criterion="prediction", force=True,
+            tolerances=stated_tolerances(world / "start.yaml"), kind="single-track",
+        )  # fmt: skip
     day, _, _, prior, everyday, left = given[-1]  # a second fit is the one that counts
     normal = found.calibration.normal
     assert normal is not None
@@ -89,7 +98,7 @@ def calibrated(world: Path, folder: str) -> Calibrated:
     precisions = {q: np.linalg.inv(covariance + q * REGULAR * np.eye(len(covariance))) for q in REGULARS}
     fitted = left > np.sqrt(LEFT_OF_FITTED * LEFT_OF_OTHERS) * prior
     seen = {q: seen_of(day, normal.scales, precision) for q, precision in precisions.items()}
-    return Calibrated(found.vehicle, found.effects, normal, precisions, prior, everyday, fitted, seen)
+    return Calibrated(single_track_of(found.vehicle), found.effects, normal, precisions, prior, everyday, fitted, seen)
 
 
 def day_of(case: Path, car: Calibrated) -> dict[float, Stretches]:

@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from drift_drake.car.effects.given import effects_given, vehicle_given
 from drift_drake.car.effects.magnitudes import Effects
+from drift_drake.car.given_vehicle import effects_given, vehicle_given
 from drift_drake.car.parameters import InvalidVehicleError, VehicleParameters
 from drift_drake.car.vehicle_file import write_vehicle
 
@@ -24,5 +24,5 @@ def test_a_file_and_what_it_holds_are_the_same_vehicle(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("vehicle", [None, 3, (CAR,), (LAG, CAR)])
 def test_what_is_no_vehicle_is_said(vehicle: object) -> None:
-    with pytest.raises(InvalidVehicleError, match="give a vehicle file's path, VehicleParameters, or both"):
+    with pytest.raises(InvalidVehicleError, match="VehicleParameters, DoubleTrackParameters, or both"):
         vehicle_given(vehicle)  # type: ignore[arg-type]

@@ -8,7 +8,8 @@ import pytest
 from drift_drake.car.effects.catalogue import REFERENCE
 from drift_drake.car.effects.magnitudes import Effects
 from drift_drake.gap.estimation import baseline, prediction_constants
-from drift_drake.gap.estimation.baseline import learn_normal, left_of
+from drift_drake.gap.estimation.baseline import left_of
+from drift_drake.gap.estimation.learn_normal import learn_normal
 from drift_drake.gap.estimation.partial import partial_effects
 from drift_drake.gap.estimation.scores import between_recordings, make_day, units
 from drift_drake.gap.estimation.windows import windowed

@@ -80,6 +80,8 @@ CHANNEL_SCALES = np.ones((HORIZONS, len(PREDICTED)))
 CALIBRATION_BY_PREDICTION: dict[str, Any] = {
     "normal": Normal(
         names=NAMES,
+        of_kind=(),
+        kind_units=np.empty(0),
         stride=0.1,
         units=np.ones(2),
         scales=CHANNEL_SCALES,

@@ -36,6 +36,7 @@ def nearest_double_track(vehicle: VehicleParameters) -> DoubleTrackParameters:
     return COUPE.replace(
         **{name: getattr(vehicle, name) for name in SHARED},
         **{name: scale * getattr(COUPE, name) for name, scale in scales.items()},
+        tolerance=vehicle.tolerance,
         aero_drag=0.0,
         rolling_resistance=0.0,
         front_tire=_at_load(

@@ -5,7 +5,14 @@ from typing import Any, NamedTuple
 
 from drift_drake.car.double_track.tyres import TireConstants, friction_at, stiffness_per_load
 from drift_drake.car.effects.magnitudes import Effects
-from drift_drake.car.parameters import InvalidVehicleError, VehicleParameters, check_numbers, check_torques, entry
+from drift_drake.car.parameters import (
+    InvalidVehicleError,
+    Tolerance,
+    VehicleParameters,
+    check_numbers,
+    check_torques,
+    entry,
+)
 from drift_drake.car.scalar import jitable
 
 
@@ -41,6 +48,30 @@ class DoubleTrackConstants(NamedTuple):
     gravity: Any
     front_tire: TireConstants
     rear_tire: TireConstants
+
+    @property
+    def friction(self) -> float:
+        """Lateral friction [-] at the static loads, the mean of both axles."""
+        return 0.5 * sum(float(friction_at(tire.lateral_friction, load, tire)) for load, tire in self._static())
+
+    @property
+    def front_stiffness(self) -> float:
+        """Lateral stiffness [N per unit slip] of the front axle at the static loads."""
+        return self._stiffness()[0]
+
+    @property
+    def rear_stiffness(self) -> float:
+        """The same of the rear axle."""
+        return self._stiffness()[1]
+
+    def _stiffness(self) -> list[float]:
+        return [2.0 * load * float(stiffness_per_load(tire.lateral_stiffness, load, tire.stiffest_load))
+                for load, tire in self._static()]  # fmt: skip
+
+    def _static(self) -> list[tuple[float, TireConstants]]:
+        """Static load [N] and tyre of one front and one rear wheel."""
+        load = 0.5 * self.mass * self.gravity / (self.front_axle_distance + self.rear_axle_distance)
+        return [(load * self.rear_axle_distance, self.front_tire), (load * self.front_axle_distance, self.rear_tire)]
 
 
 @jitable
@@ -175,6 +206,7 @@ class DoubleTrackParameters:
     rear_tire: TireParameters = dataclasses.field(
         default_factory=lambda: TireParameters(lateral_stiffness=1.35e5, longitudinal_stiffness=1.6e5)
     )
+    tolerance: Tolerance = dataclasses.field(default_factory=Tolerance)
 
     def __post_init__(self) -> None:
         check_numbers(self)
@@ -215,32 +247,38 @@ class DoubleTrackParameters:
         tires = {name: TireParameters(**numbers.pop(name)._asdict()) for name in ("front_tire", "rear_tire")}
         return self.replace(**numbers, **tires)
 
+    def to_dict(self) -> dict[str, Any]:
+        """Plain data, as in a vehicle file."""
+        return {"double_track": {
+            name: {key: float(number) for key, number in value.items()} if isinstance(value, dict) else float(value)
+            for name, value in dataclasses.asdict(self).items()
+        }}  # fmt: skip
+
     def replace(self, **changes: Any) -> "DoubleTrackParameters":
         """A copy with some parameters changed, validated again."""
         return dataclasses.replace(self, **changes)
 
     def single_track(self) -> VehicleParameters:
         """The nearest single-track car: its tyres are this car's at the static loads, its friction the lateral one."""
-        wheelbase = self.front_axle_distance + self.rear_axle_distance
-        weight = self.mass * self.gravity
-        loads = (
-            0.5 * weight * self.rear_axle_distance / wheelbase,
-            0.5 * weight * self.front_axle_distance / wheelbase,
-        )
-        tires = (self.front_tire.constants(), self.rear_tire.constants())
-        stiffness = [
-            2.0 * load * stiffness_per_load(t.lateral_stiffness, load, t.stiffest_load)
-            for load, t in zip(loads, tires, strict=True)
-        ]
-        friction = [friction_at(t.lateral_friction, load, t) for load, t in zip(loads, tires, strict=True)]
         shared = ("mass", "yaw_inertia", "front_axle_distance", "rear_axle_distance", "wheel_radius", "gear_ratio",
-                  "rear_axle_inertia", "gravity", "steering_limit", "torque_min", "torque_max")  # fmt: skip
-        return VehicleParameters(
-            friction=0.5 * sum(friction),
-            front_stiffness=stiffness[0],
-            rear_stiffness=stiffness[1],
-            **{name: getattr(self, name) for name in shared},
-        )
+                  "rear_axle_inertia", "gravity", "steering_limit", "torque_min", "torque_max", "tolerance", "friction",
+                  "front_stiffness", "rear_stiffness")  # fmt: skip
+        return VehicleParameters(**{name: getattr(self, name) for name in shared})
+
+    @property
+    def friction(self) -> float:
+        """Lateral friction [-] at the static loads, the mean of both axles."""
+        return self.constants().friction
+
+    @property
+    def front_stiffness(self) -> float:
+        """Lateral stiffness [N per unit slip] of the front axle at the static loads."""
+        return self.constants().front_stiffness
+
+    @property
+    def rear_stiffness(self) -> float:
+        """The same of the rear axle."""
+        return self.constants().rear_stiffness
 
 
 def _roadster() -> DoubleTrackParameters:

@@ -19,13 +19,10 @@ SIZE = 6 + OWN
 
 @jitable
 def path_motion(x: Any, delta: Any, tau: Any, curvature: Any, p: DoubleTrackConstants, q: Effects,
-                out: Any, force_y: Any = 0.0) -> None:  # fmt: skip
-    """Writes the states' rates under the commands delta [rad] and tau [N m], on a path of this curvature [1/m].
-
-    force_y: a further force on the body [N].
-    """
+                out: Any) -> None:  # fmt: skip
+    """Writes the states' rates under the commands delta [rad] and tau [N m], on a path of this curvature [1/m]."""
     own = OwnStates(*fixed_tuple(x[6:], OWN))
-    m, d = double_track_motion(x[0], x[1], x[2], x[3], 0.0, own, delta, tau, p, q, 0.0, force_y)
+    m, d = double_track_motion(x[0], x[1], x[2], x[3], 0.0, own, delta, tau, p, q)
     e_dot, dphi_dot, _ = path_rates(x[0], x[1], m.beta_dot, x[4], x[5], curvature)
     out[0], out[1], out[2], out[3], out[4], out[5] = m.r_dot, m.v_dot, m.beta_dot, m.omega_r_dot, e_dot, dphi_dot
     for i, rate in enumerate(d):
@@ -34,14 +31,13 @@ def path_motion(x: Any, delta: Any, tau: Any, curvature: Any, p: DoubleTrackCons
 
 @jitable
 def _rates(x: Any, command: Any, car: Any, out: Any) -> None:
-    curvature, p, q, force_y = car
-    path_motion(x, command[0], command[1], curvature, p, q, out, force_y)
+    curvature, p, q = car
+    path_motion(x, command[0], command[1], curvature, p, q, out)
 
 
 @jitable
 def advance_state(x: Array, u: Array, u_next: Array, first: float, last: float, curvature: float,
-                  p: DoubleTrackConstants, q: Effects, h: float, work: Array,
-                  force_y: float = 0.0) -> None:  # fmt: skip
+                  p: DoubleTrackConstants, q: Effects, h: float, work: Array) -> None:  # fmt: skip
     """RK4 over h [s] in place, the input going from share `first` to share `last` of its way from u to u_next."""
     runge_kutta(_rates, x, ramp(u, u_next, first), ramp(u, u_next, first + 0.5 * (last - first)),
-                ramp(u, u_next, last), h, (curvature, p, q, force_y), work[2], work[:2])  # fmt: skip
+                ramp(u, u_next, last), h, (curvature, p, q), work[2], work[:2])  # fmt: skip

@@ -2,15 +2,24 @@
 
 from pydrake.systems.framework import Diagram, DiagramBuilder, OutputPort
 
+from drift_drake.car.double_track.parameters import DoubleTrackParameters
+from drift_drake.car.double_track.plant import DoubleTrackPlant
 from drift_drake.car.effects.delays import check_causal, command_delays
 from drift_drake.car.effects.magnitudes import Effects
-from drift_drake.car.parameters import VehicleParameters
+from drift_drake.car.parameters import CarParameters
 from drift_drake.car.sensors import PARTS, NoiseLevels, Sensors, TransportDelay
 from drift_drake.car.single_track.motion import INPUTS
 from drift_drake.car.single_track.path_plant import PLANT_STATES, CurvedPath, PathPlant
 from drift_drake.car.single_track.plant import VehiclePlant
 from drift_drake.car.vehicle_file import check_effects, check_plausible
 from drift_drake.common.selector import select_signals
+
+
+def plant_of(car: CarParameters, effects: Effects, path: CurvedPath | None) -> PathPlant:
+    """The plant of a car of any kind."""
+    if isinstance(car, DoubleTrackParameters):
+        return DoubleTrackPlant(car, effects, path)
+    return VehiclePlant(car, effects, path)
 
 
 class Car(Diagram):
@@ -32,7 +41,7 @@ class Car(Diagram):
         path: see `VehiclePlant`.
         noise: of the sensors.
         period: of the sensors' sampling, and of the rows of the transport delays [s].
-        plant: another plant of the same ports in place of `VehiclePlant(parameters, effects, path)`; of `effects`,
+        plant: another plant of the same ports in place of the parameters' own; of `effects`,
             delays and sensors' effects still act here.
 
     Raises:
@@ -41,7 +50,7 @@ class Car(Diagram):
 
     def __init__(
         self,
-        parameters: VehicleParameters,
+        parameters: CarParameters,
         effects: Effects = Effects(),
         path: CurvedPath | None = None,
         noise: NoiseLevels = NoiseLevels(),
@@ -49,12 +58,11 @@ class Car(Diagram):
         plant: PathPlant | None = None,
     ) -> None:
         Diagram.__init__(self)
-        check_plausible(parameters, "the car")
-        check_effects(effects, parameters, "the car")
+        check_plausible(parameters.single_track(), "the car")
+        check_effects(effects, parameters.single_track(), "the car")
         check_causal(effects, "the car")
         builder = DiagramBuilder()
-        made = VehiclePlant(parameters, effects, path) if plant is None else plant
-        self.plant = builder.AddNamedSystem("plant", made)
+        self.plant = builder.AddNamedSystem("plant", plant_of(parameters, effects, path) if plant is None else plant)
         self.sensors = builder.AddNamedSystem("sensors", Sensors(noise, effects, period))
         actuation = self.plant.GetInputPort("actuation")
         delays = command_delays(effects)

@@ -9,8 +9,8 @@ import numpy as np
 import pandas as pd
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder, OutputPort, System
 
-from drift_drake.car.effects.given import GivenEffects, effects_given
 from drift_drake.car.effects.magnitudes import Effects
+from drift_drake.car.given_vehicle import GivenEffects, effects_given
 from drift_drake.car.log.driving import slowest
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.car.sensor_errors import without_errors

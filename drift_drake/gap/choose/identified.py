@@ -15,6 +15,7 @@ from drift_drake.car.double_track.parameters import DoubleTrackParameters
 from drift_drake.car.double_track.step_model import DoubleTrackStepModel
 from drift_drake.car.effects.catalogue import CATALOGUE, LIMITS, fitted
 from drift_drake.car.effects.magnitudes import Effects
+from drift_drake.car.given_vehicle import single_track_of
 from drift_drake.car.known_car import KnownVehicle, known_car_model
 from drift_drake.car.log.table import COLUMNS, InvalidLogError, Run
 from drift_drake.car.parameters import InvalidVehicleError, VehicleParameters
@@ -22,7 +23,6 @@ from drift_drake.car.sensor_errors import SENSORS
 from drift_drake.car.single_track.effects_step import BEYOND, LAGGED, EffectsStepModel
 from drift_drake.common.arrays import Array
 from drift_drake.common.errors import unit_suffix
-from drift_drake.gap.estimation.double_track_windows import double_track_errors
 from drift_drake.gap.estimation.windows import WindowedRun, errors
 from drift_drake.gap.identification.double_track import identify_double_track
 from drift_drake.gap.identification.identify import identify
@@ -68,8 +68,6 @@ class IdentifiedCar(NamedTuple):
 
     def errors(self, judged: Sequence[WindowedRun]) -> Array:
         """Of its predictions of drives, from a smoothed measurement on [windows, HORIZONS, 5]."""
-        if isinstance(self.vehicle, DoubleTrackParameters):
-            return double_track_errors(judged, self.vehicle.constants(), self.effects)
         return errors(judged, self.vehicle.constants(), self.effects)
 
 
@@ -98,7 +96,7 @@ def identified(runs: Sequence[Run], first_guess: VehicleParameters, more: Sequen
             )
     except (InvalidLogError, InvalidVehicleError, np.linalg.LinAlgError):
         return None
-    return IdentifiedCar(found.vehicle, found.effects)
+    return IdentifiedCar(single_track_of(found.vehicle), found.effects)
 
 
 def identified_double_track(

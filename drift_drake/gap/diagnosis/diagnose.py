@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from drift_drake.car.effects.catalogue import CATALOGUE
-from drift_drake.car.effects.given import Vehicle, vehicle_given
+from drift_drake.car.given_vehicle import Vehicle, vehicle_given
 from drift_drake.car.log.given import Logs, logs_given
 from drift_drake.common.errors import InvalidOptionError
 from drift_drake.common.run_folder import plain

@@ -6,9 +6,10 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from drift_drake.car.given_vehicle import single_track_of
 from drift_drake.car.log.cases import case_folders, case_name
 from drift_drake.car.log.table import InvalidLogError, Run, read_case, stated_noise
-from drift_drake.car.parameters import VehicleParameters
+from drift_drake.car.parameters import CarParameters
 from drift_drake.common.errors import DriftDrakeError
 from drift_drake.common.executors import ExecutorConfig, run_jobs
 from drift_drake.common.worker_pool import WorkerLostError
@@ -21,7 +22,7 @@ from drift_drake.gap.estimation.normal import Normal
 
 def answer_folder(
     folder: str | Path,
-    vehicle: VehicleParameters,
+    vehicle: CarParameters,
     workers: int = 2,
     normal: Normal | None = None,
     without: Sequence[str] = (),
@@ -46,24 +47,24 @@ def answer_folder(
 
 
 def answer_runs(
-    runs: Sequence[Run], vehicle: VehicleParameters, case: str, workers: int = 2, normal: Normal | None = None,
+    runs: Sequence[Run], vehicle: CarParameters, case: str, workers: int = 2, normal: Normal | None = None,
     **options: Any,
 ) -> Diagnosis | DayDiagnosis:  # fmt: skip
     """Diagnoses runs by the criterion that their car was calibrated by; arguments as those of `answer_folder`."""
     if normal is None:
         options.pop("false_alarms", None)
-        return diagnose(runs, vehicle, case=case, workers=workers, **options)
+        return diagnose(runs, single_track_of(vehicle), case=case, workers=workers, **options)
     kept = {key: options[key] for key in ("own", "progress", "catalogue", "false_alarms") if key in options}
     return diagnose_day(runs, vehicle, normal, case=case, workers=workers, **kept)
 
 
-def _answered(vehicle: VehicleParameters, options: Mapping[str, Any], folder: Path) -> Answer:
+def _answered(vehicle: CarParameters, options: Mapping[str, Any], folder: Path) -> Answer:
     return answer_folder(folder, vehicle, workers=1, **options).answer
 
 
 def diagnose_all(
     folder: str | Path,
-    vehicle: VehicleParameters,
+    vehicle: CarParameters,
     run_on: ExecutorConfig,
     progress: Callable[[Answer], None] | None = None,
     refused: Callable[[DriftDrakeError], None] | None = None,

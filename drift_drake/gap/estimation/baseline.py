@@ -15,39 +15,30 @@ from typing import NamedTuple
 import numpy as np
 
 from drift_drake.car.effects.catalogue import CATALOGUE
-from drift_drake.gap.estimation.noise_levels import log_levels
-from drift_drake.gap.estimation.normal import Normal, capped_squares
+from drift_drake.gap.estimation.normal import Normal
 from drift_drake.gap.estimation.prediction_constants import (
-    CALIBRATED,
     FROM_LEFT_OUT,
     HANGS,
     HARDER,
+    KIND_PRIOR,
+    KIND_VARIES,
     LEFT_OF_FITTED,
     LEFT_OF_OTHERS,
-    MODEL_FORM,
     MORE_SO,
     ODD,
     OFF_SHAPE,
     PARTIAL_PRIOR,
     PARTIAL_VARIES,
-    REGULAR,
     SCALE,
     SCALE_WORTH,
     SHRUNK,
     SLIGHT,
     TYRES_AND_BODY,
 )
-from drift_drake.gap.estimation.robust_fit import robust_scales
 from drift_drake.gap.estimation.scores import (
     Day,
     block_information,
     block_scores,
-    drive_coverage,
-    flat_scores,
-    pulls,
-    scores_by_recording,
-    shrunk,
-    spread,
     summed_over,
     window_scores,
 )
@@ -174,23 +165,27 @@ def predicted(stretches: Stretches, known: Known, model: Spread, scale: float = 
 def scatter_of(day: Day, normal: Normal) -> Scatter:
     """How this day's scores scatter if the car is the one of its baseline."""
     stretches = stretches_of(day, normal.scales, normal.precision, normal.slipping)
-    model = spread_of(normal, normal.names, normal.everyday)
+    model = spread_of(normal, normal.names, normal.everyday, len(normal.of_kind))
     return predicted(stretches, Known(normal.expected, normal.left_open), model, normal.scale)
 
 
-def spread_of(shown: "Seen | Normal", names: tuple[str, ...], everyday: np.ndarray) -> Spread:
-    """How scores scatter, by what a baseline shows of the effects `names` and what varies by itself, in units [n]."""
+def spread_of(shown: "Seen | Normal", names: tuple[str, ...], everyday: np.ndarray, of_kind: int = 0) -> Spread:
+    """How scores scatter, by what a baseline shows of the effects `names` and what varies by itself, in units [n].
+
+    of_kind: scores of deviations of the car's kind, the last.
+    """
     scores = len(shown.information)
     recording = np.concatenate([everyday, np.zeros(scores - len(names))]) ** 2
-    return Spread(shown.covariance, shown.information, shown.ratio, shown.blocks, variances_of_stretches(names, scores),
-                  recording)  # fmt: skip
+    return Spread(shown.covariance, shown.information, shown.ratio, shown.blocks,
+                  variances_of_stretches(names, scores, of_kind), recording)  # fmt: skip
 
 
-def variances_of_stretches(names: tuple[str, ...], scores: int) -> np.ndarray:
-    """Variances [m], in units, of what effects and partial effects are worth from one stretch to the next."""
+def variances_of_stretches(names: tuple[str, ...], scores: int, of_kind: int = 0) -> np.ndarray:
+    """Variances [m], in units, of what effects, partial effects and deviations of the car's kind are worth from one
+    stretch to the next."""
     kinds = [CATALOGUE[name] for name in names]
     own = [MORE_SO if one.rolls else TYRES_AND_BODY if one.of_tyres_or_body else 0.0 for one in kinds]
-    return np.array(own + [PARTIAL_VARIES] * (scores - len(names))) ** 2
+    return np.array(own + [PARTIAL_VARIES] * (scores - len(names) - of_kind) + [KIND_VARIES] * of_kind) ** 2
 
 
 def left_of(prior: np.ndarray, fitted: np.ndarray) -> np.ndarray:
@@ -202,9 +197,10 @@ def left_of(prior: np.ndarray, fitted: np.ndarray) -> np.ndarray:
     return np.asarray(np.where(fitted, LEFT_OF_FITTED, LEFT_OF_OTHERS) * prior)
 
 
-def with_partial(left: np.ndarray, scores: int) -> np.ndarray:
-    """The same of effects [n] and their partial effects [m]."""
-    return np.concatenate([left, np.full(scores - len(left), PARTIAL_PRIOR)])
+def with_partial(left: np.ndarray, scores: int, of_kind: int = 0) -> np.ndarray:
+    """The same of effects [n], their partial effects and deviations of the car's kind [m]."""
+    partial = np.full(scores - len(left) - of_kind, PARTIAL_PRIOR)
+    return np.concatenate([left, partial, np.full(of_kind, KIND_PRIOR)])
 
 
 class LeftOut(NamedTuple):
@@ -274,71 +270,3 @@ def seen_of(day: Day, scales: np.ndarray, precision: np.ndarray) -> Seen:
     shown = diagonal > TINY * diagonal.max()
     ratio = max(float(np.median(np.diag(scatter)[shown] * len(score) / diagonal[shown])), TINY)
     return Seen(stretches, scatter, diagonal / len(score), ratio, len(score), slipping, score)
-
-
-class Learnt(NamedTuple):
-    """What a day of calibration shows of its car."""
-
-    normal: Normal
-    pulled: np.ndarray  # by how much each recording pulls the effects, in units [recordings, n]
-    left_out: list[LeftOut]  # its recordings, or the stretches of its only one
-
-
-def learn_normal(
-    day: Day, names: tuple[str, ...], steps: np.ndarray, prior: np.ndarray, everyday: np.ndarray, left: np.ndarray
-) -> Learnt:
-    """What is normal, from the day of calibration.
-
-    Args:
-        day: the logs that the car was calibrated on, under the calibrated car; steps: units of the effects `names`;
-        prior: standard deviations [n] of the effects, in their units, before those logs; everyday: the same of what
-            they differ by from one recording to the next at least (`between_recordings`); left: what the car may
-            deviate by (`left_of`).
-    """
-    n = len(names)
-    scales = robust_scales(day.errors)
-    f = flat_scores(day.errors, scales)
-    precision = np.linalg.inv(np.cov(f.T) + REGULAR * np.eye(f.shape[1]))
-    seen = seen_of(day, scales, precision)
-    total, model = seen.stretches.information.sum(axis=0), spread_of(seen, names, everyday)
-    before = with_partial(left, len(total))
-    known, apart = known_from(seen.stretches, model, before), left_out(seen.stretches, model, before)
-    distances = np.array([part.distance for part in apart])
-    unknown, recording, pulled = parameters_left_open(day, seen.score[:, :n], total[:n, :n], prior, everyday, names,
-                                                      steps)  # fmt: skip
-    offset = np.median(day.errors, axis=0)
-    normal = Normal(
-        names=tuple(names), stride=day.runs[0].stride, units=steps, scales=scales, precision=precision,
-        standard=day.standard, slipping=seen.slipping, blocks=seen.blocks,
-        covariance=seen.covariance, information=seen.information, ratio=seen.ratio, expected=known.mean,
-        left_open=known.covariance, everyday=everyday, scale=scale_of(distances), left_out=distances,
-        left_out_none=np.ones(len(distances)), covered=drive_coverage(day.runs), unknown=unknown, recording=recording,
-        offset=offset, level=capped_squares((day.errors - offset) / scales).mean(axis=0),
-        noise=log_levels(day.runs, white=True),
-    )  # fmt: skip
-    return Learnt(normal, pulled, apart)
-
-
-def parameters_left_open(
-    day: Day, score: np.ndarray, information: np.ndarray, prior: np.ndarray, everyday: np.ndarray,
-    names: tuple[str, ...], steps: np.ndarray,
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:  # fmt: skip
-    """Covariance of what a baseline leaves unknown of the effects and of what they differ by from recording to
-    recording [n, n], and what each recording pulls the estimates by [K, n]; in units.
-
-    Args:
-        score: of the blocks [blocks, n]; information: of the whole day [n, n].
-    """
-    variances = np.diag(np.cov(score.T) if len(score) > 2 else np.maximum(np.cov(score.T), 0.0))
-    seen = np.diag(information) > 0.0
-    ratio = float(np.mean(variances[seen] * len(score) / np.diag(information)[seen]))
-    temper = max(ratio, 1.0) * CALIBRATED
-    alone = np.linalg.inv(np.diag(1.0 / prior**2) + information / temper)
-    by_recording, blocks = scores_by_recording(day, score)
-    pulled = pulls(by_recording / temper, blocks, alone)
-    model_form = np.diag((np.array([MODEL_FORM.get(name, 0.0) for name in names]) / steps) ** 2)
-    seen_apart = spread(pulled)
-    # Blocks' scatter alone pulls recordings apart by a share of what is left open that is their number over CALIBRATED.
-    chance = len(pulled) / CALIBRATED
-    recording = shrunk(seen_apart, alone, information / temper, len(pulled), chance) + np.diag(everyday**2)
-    return alone + model_form + recording / len(pulled), recording, pulled

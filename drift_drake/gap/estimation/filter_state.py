@@ -16,7 +16,6 @@ import numpy as np
 from drift_drake.car.compilation import compiled
 from drift_drake.car.effects.delays import DELAYS, HASTENERS, command_delays
 from drift_drake.car.effects.magnitudes import (
-    MEMORIES,
     Effects,
     Memory,
     measured,
@@ -24,9 +23,8 @@ from drift_drake.car.effects.magnitudes import (
 )
 from drift_drake.car.integrate import runge_kutta
 from drift_drake.car.scalar import cos, fixed_tuple, jitable, sin
-from drift_drake.car.single_track.motion import MIN_SLIP_SPEED
+from drift_drake.car.single_track.equations import HELD, wheel_rate
 from drift_drake.car.single_track.motion_with_effects import (
-    changed_constants,
     motion_with_effects,
     road_wheel,
     settled_memory,
@@ -38,7 +36,6 @@ STAGES = 2 * SUBSTEPS  # grid intervals a row: a step's middle is a stage too
 RATE_STEPS = 5  # inner steps of the rate limiter in one grid interval
 CHANNELS = ("r", "v", "beta", "omega_r", "ax", "ay", "psi", "x", "y")
 FILTER_STATES = ("r", "v", "beta", "omega_r", "psi", "x", "y", "front_slip", "rear_slip")
-HELD = MEMORIES - 2  # of `Memory`: all but the commands', which are known
 SIZE = 7 + HELD  # of z
 CORRECTED = 9  # of z, with a covariance
 MEASURED = 9
@@ -168,14 +165,6 @@ def _rates(z: Any, command: Any, car: Any, out: Any) -> Any:
 
 
 @compiled
-def wheel_rate(z: Any, constants: Any, effects: Any) -> Any:
-    """Rate [1/s] at which the driven rim settles in grip: of all rates the fastest."""
-    p = changed_constants(constants, effects)
-    stiffness = (p.rear_stiffness + p.front_coupling * p.front_stiffness) * (1.0 + effects.longitudinal_stiffness_error)
-    return stiffness * p.wheel_radius**2 / (p.rear_axle_inertia * max(z[3], MIN_SLIP_SPEED))
-
-
-@compiled
 def between(values: Any, place: Any) -> Any:
     """Linear between the grid's points; `place` counts them."""
     i = min(int(place), len(values) - 2)
@@ -210,7 +199,7 @@ def advance_row(
 
     The steps are split where the driven rim of a light axle settles faster than they could follow.
     """
-    splits = min(int(step * wheel_rate(z, constants, effects) / STABLE), MOST_SPLITS) + 1
+    splits = min(int(step * wheel_rate(z[3], constants, effects) / STABLE), MOST_SPLITS) + 1
     h = step / splits
     for substep in range(SUBSTEPS * splits):
         at = STAGES * row + 2.0 * substep / splits

@@ -10,7 +10,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from drift_drake.car.effects.magnitudes import Effects
-from drift_drake.car.parameters import Constants
+from drift_drake.car.equations import CarConstants
 from drift_drake.gap.estimation.windows import HORIZONS, PREDICTED, WindowedRun, run_errors
 
 DRIFT = 0.02  # [rad/s] of a heading, a unit
@@ -42,7 +42,7 @@ def clock_rate(run: WindowedRun) -> np.ndarray:
     return np.asarray(CLOCK * np.array(run.horizons)[:, None] * rates[_horizons(run)])
 
 
-def yaw_moment(run: WindowedRun, constants: Constants) -> np.ndarray:
+def yaw_moment(run: WindowedRun, constants: CarConstants) -> np.ndarray:
     """A push [rows, 3] (`windows.run_errors`): a yaw moment on the body, at all times."""
     push = np.zeros((len(run.y), 3))
     push[:, 2] = TURNING * constants.yaw_inertia
@@ -58,7 +58,7 @@ FREE = (*OF_SENSORS, "yaw moment")
 
 
 def free_columns(
-    runs: Sequence[WindowedRun], constants: Constants, own: Effects, at: np.ndarray
+    runs: Sequence[WindowedRun], constants: CarConstants, own: Effects, at: np.ndarray
 ) -> dict[str, np.ndarray]:
     """Derivatives of the errors [windows of all runs, HORIZONS, channels] by each free direction, in its unit.
 

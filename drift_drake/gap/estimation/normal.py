@@ -26,9 +26,11 @@ def capped_squares(e: np.ndarray, cap: float = WORST) -> np.ndarray:
 @dataclasses.dataclass(frozen=True)
 class Normal:
     """What is normal for a calibrated car. Scores are in `units` of the effects `names`, then of the partial effects of
-    these (`gap.estimation.partial`), m in all."""
+    these (`gap.estimation.partial`) and of deviations of its kind (`car.deviation`), m in all."""
 
     names: tuple[str, ...]
+    of_kind: tuple[str, ...]  # deviations of the car's kind, behind the partial effects
+    kind_units: np.ndarray  # of these [k] in standard deviations
     stride: float  # [s] between horizons
     units: np.ndarray  # [n]
     scales: np.ndarray  # [HORIZONS, channels]
@@ -67,15 +69,16 @@ class Normal:
 def normal_from_data(data: Mapping[str, object]) -> Normal:
     """What `Normal.as_data` wrote; KeyError, TypeError or ValueError where it is not that."""
     arrays = {f.name: data[f.name] for f in dataclasses.fields(Normal)}
-    names = tuple(str(name) for name in arrays.pop("names"))  # type: ignore[attr-defined]
+    names, of_kind = (tuple(str(name) for name in arrays.pop(key)) for key in ("names", "of_kind"))  # type: ignore[attr-defined]
     blocks = int(number(arrays.pop("blocks"), lambda count: count >= 1.0 and count == round(count)))
     stride = number(arrays.pop("stride"), lambda seconds: 0.0 < seconds <= STRIDE)
     ratio, scale = (number(arrays.pop(key), lambda q: 0.0 < q < LARGEST_NUMBER) for key in ("ratio", "scale"))
     slipping = number(arrays.pop("slipping"), lambda q: abs(q) < LARGEST_LOGARITHM)
     try:
         out = Normal(
-            names,
-            stride,
+            names=names,
+            of_kind=of_kind,
+            stride=stride,
             blocks=blocks,
             ratio=ratio,
             scale=scale,
@@ -94,10 +97,11 @@ def _check_normal(normal: Normal) -> None:
     unknown = [name for name in names if name not in CATALOGUE]
     if unknown or not n or len(set(names)) < n:
         raise ValueError(f"'names' must be different effects of the catalogue, not {shown(unknown or list(names))}")
-    scores, recordings = n + len(partial_effects(names)), max(normal.left_out.size, 0)
+    scores, recordings = n + len(partial_effects(names)) + len(normal.of_kind), max(normal.left_out.size, 0)
     shapes: dict[str, tuple[int, ...]] = {"covered": (4,), "precision": (m, m), "scales": (HORIZONS, len(PREDICTED))}
     shapes |= {
         "units": (n,),
+        "kind_units": (len(normal.of_kind),),
         "everyday": (n,),
         "standard": (2, len(DRIVING)),
         "left_out": (recordings,),
@@ -111,8 +115,8 @@ def _check_normal(normal: Normal) -> None:
     for key, shape in shapes.items():
         if getattr(normal, key).shape != shape or not np.all(np.abs(getattr(normal, key)) < LARGEST_NUMBER):
             raise ValueError(f"'{key}' must hold {shape} finite numbers")
-    for key in ("units", "scales", "standard"):
-        if np.min(getattr(normal, key)[-1] if key == "standard" else getattr(normal, key)) <= 0.0:
+    for key in ("units", "kind_units", "scales", "standard"):
+        if np.min(getattr(normal, key)[-1] if key == "standard" else getattr(normal, key), initial=1.0) <= 0.0:
             raise ValueError(f"'{key}' must be above zero")
     for key in ("information", "covered", "level", "left_out", "left_out_none"):
         if np.min(getattr(normal, key), initial=0.0) < 0.0:

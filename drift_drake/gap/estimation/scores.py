@@ -20,7 +20,8 @@ import numpy as np
 
 from drift_drake.car.effects.catalogue import CATALOGUE
 from drift_drake.car.effects.magnitudes import Effects
-from drift_drake.car.parameters import Constants, VehicleParameters
+from drift_drake.car.equations import CarConstants, kind_of
+from drift_drake.car.parameters import VehicleParameters
 from drift_drake.gap.estimation.free_directions import free_columns
 from drift_drake.gap.estimation.normal import Normal
 from drift_drake.gap.estimation.partial import partial_columns, standards
@@ -76,10 +77,10 @@ class Day:
     """Runs of one day beside the calibrated car: errors, their derivatives, and the blocks."""
 
     runs: Sequence[WindowedRun]
-    constants: Constants
+    constants: CarConstants
     own: Effects
     errors: np.ndarray  # of the calibrated car [windows, HORIZONS, channels]
-    jacobian: np.ndarray  # in scales [windows, HORIZONS * channels, m]: of the effects, then of the partial ones
+    jacobian: np.ndarray  # in scales [windows, HORIZONS * channels, m]: of the effects, then `partial_effects`
     block: np.ndarray  # [windows]
     run: np.ndarray  # [windows] index of the run
     weights: np.ndarray  # [windows] below one where the car is driven harder than on the day of calibration
@@ -116,24 +117,34 @@ class Day:
 
 
 def make_day(
-    runs: Sequence[WindowedRun], constants: Constants, own: Effects, names: Sequence[str], steps: np.ndarray,
-    normal: Normal | None = None, threads: int = THREADS,
+    runs: Sequence[WindowedRun], constants: CarConstants, own: Effects, names: Sequence[str], steps: np.ndarray,
+    normal: Normal | None = None, threads: int = THREADS, of_kind: np.ndarray | None = None,
+    kind_units: np.ndarray | None = None,
 ) -> Day:  # fmt: skip
-    """A day's errors under the calibrated car and their derivatives by the effects `names`, in units of `steps`, and by
-    their partial ones.
+    """A day's errors under the calibrated car and their derivatives by the effects `names`, in units of `steps`, by
+    their partial ones, and by the deviations of the car's kind, in units of their standard deviations.
 
     Args:
-        normal: what is normal for the car; None on the day of calibration, which shows it.
+        normal: what is normal for the car; None on the day of calibration, which shows it;
+        of_kind: derivatives by the deviations, where they are known near enough; kind_units: their units in standard
+            deviations, those of `normal` if there is one.
     """
     at = errors(runs, constants, own)
     scales = robust_scales(at) if normal is None else normal.scales
-    cars = [added(own, {name: float(step)}) for name, step in zip(names, steps, strict=True)]
+    kind = kind_of(constants)
+    cars = [(constants, added(own, {name: float(step)})) for name, step in zip(names, steps, strict=True)]
+    if of_kind is None:
+        cars += [(kind.deviated(constants, {name: 1.0}, own), own) for name in kind.DEVIATIONS]
     with ThreadPoolExecutor(threads) as pool:
-        moved = errors_of_all(runs, constants, cars, pool)
-    jacobian = np.stack([scaled(e - at, scales) for e in moved], axis=-1)
+        moved = [scaled(e - at, scales) for e in errors_of_all(runs, cars, pool)]
+    jacobian = np.stack(moved[: len(names)], axis=-1)
     standard = standards(runs) if normal is None else normal.standard
     free = {name: scaled(column, scales) for name, column in free_columns(runs, constants, own, at).items()}
-    jacobian = np.concatenate([jacobian, partial_columns(jacobian, names, runs, standard, free)[1]], axis=-1)
+    more = [of_kind]
+    if of_kind is None:
+        sizes = normal.kind_units if normal else np.ones(len(kind.DEVIATIONS)) if kind_units is None else kind_units
+        more = [size * column[..., None] for size, column in zip(sizes, moved[len(names) :], strict=True)]
+    jacobian = np.concatenate([jacobian, partial_columns(jacobian, names, runs, standard, free)[1], *more], axis=-1)
     run = np.repeat(np.arange(len(runs)), [len(run.starts) for run in runs])
     weights = np.ones(len(at)) if normal is None else familiarity(runs, normal.covered)
     return Day(runs, constants, own, at, jacobian, block_of(runs), run, weights, standard)

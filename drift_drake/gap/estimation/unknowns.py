@@ -11,8 +11,8 @@ import numpy as np
 
 from drift_drake.car.effects.catalogue import CATALOGUE, REFERENCE, wheelbase
 from drift_drake.car.effects.magnitudes import Effects
-from drift_drake.car.parameters import Tolerance, VehicleParameters
-from drift_drake.car.single_track.motion_with_effects import changed_constants
+from drift_drake.car.equations import CarConstants, folded_into, kind_of
+from drift_drake.car.parameters import SomeCar, Tolerance, VehicleParameters
 
 OWN = tuple(name for name, info in CATALOGUE.items() if info.tolerance)  # deviations of the file's own parameters
 FIELDS = {  # of the vehicle file, that an effect is a deviation of; a deviation of the torque is one of the gear ratio
@@ -90,8 +90,24 @@ def magnitudes(names: Sequence[str], theta: np.ndarray) -> dict[str, float]:
     return dict(zip(names, (float(q) for q in theta), strict=True))
 
 
-def folded(vehicle: VehicleParameters, effects: Effects) -> tuple[VehicleParameters, Effects]:
-    """The same car with deviations of the file's own parameters put into the parameters; the other effects stay."""
-    changed = changed_constants(vehicle.constants(), effects)
-    rest = effects._replace(**dict.fromkeys(FIELDS, 0.0))
-    return vehicle.with_constants(changed), rest
+def folded(car: SomeCar, effects: Effects) -> tuple[SomeCar, Effects]:
+    """The same car with the effects that change its parameters put into them; the other effects stay.
+
+    Raises:
+        InvalidVehicleError: no car has these parameters.
+    """
+    changed, rest = folded_into(car.constants(), effects)
+    return car.with_constants(changed), rest
+
+
+def deviations_of(constants: CarConstants) -> list[Unknown]:
+    """What a car of this kind has that a vehicle file says nothing of, in standard deviations from the first guess."""
+    kind = kind_of(constants)
+    bounds = {name: deviation.bounds(kind.value_of(name, constants)) for name, deviation in kind.DEVIATIONS.items()}
+    return [Unknown(name, 1.0, 1.0, low, high, 0.0) for name, (low, high) in bounds.items()]
+
+
+def with_found(constants: CarConstants, effects: Effects, found: Mapping[str, float]) -> tuple[CarConstants, Effects]:
+    """A first guess with magnitudes of what was unknown: further effects and deviations of its kind."""
+    effects = added(effects, {name: q for name, q in found.items() if name in CATALOGUE})
+    return kind_of(constants).deviated(constants, found, effects), effects

@@ -3,8 +3,8 @@
 What a simulator is for is prediction. A window starts every fifth of a second from the smoothed measurement, is driven
 by the logged commands, and is compared with the measurement a tenth to half a second later. A small car moves faster:
 these times are shorter for it, as the square root of its length (Froude's scaling), or its predictions would diverge.
-The effects' own states (slips that lag, heat, filtered accelerations) are carried along the measured motion up to each
-start.
+Internal states that no sensor reads (slips that lag, heat, loads, roll) are carried along the measured motion up to
+each start. Any car is predicted (`car.equations`).
 """
 
 import dataclasses
@@ -17,20 +17,18 @@ import numpy as np
 from drift_drake.car.compilation import compiled
 from drift_drake.car.effects.catalogue import wheelbase
 from drift_drake.car.effects.magnitudes import Effects, unbiased
+from drift_drake.car.equations import CarConstants, decays, fastest, rates, settle, size_of
+from drift_drake.car.integrate import runge_kutta
 from drift_drake.car.log.table import Run
-from drift_drake.car.parameters import Constants, VehicleParameters
+from drift_drake.car.parameters import VehicleParameters
 from drift_drake.car.road import NO_PUSH, on_road, with_bank
-from drift_drake.car.single_track.motion_with_effects import settled_memory
+from drift_drake.car.scalar import jitable
 from drift_drake.gap.estimation.filter_state import (
     CHANNELS,
     MIN_FILTER_SPEED,
-    SIZE,
     STAGES,
     actuated,
-    between,
-    filter_step,
-    rates_of,
-    wheel_rate,
+    commanded,
     without_actuators,
 )
 from drift_drake.gap.estimation.run_data import RunData, prepare_run
@@ -46,6 +44,7 @@ SETTLING = 0.35  # [s] at a run's start without windows: commands before it are 
 STEP = 0.01  # [s] of Runge-Kutta, at most
 STEPS_PER_RATE = 1.5  # of the fastest settling time that a step may take
 MOST_STEPS = 32  # a row
+FOLLOWING = 0.0125  # [s] of a step of internal states along the measured motion, at most
 LARGEST_ERROR = 1e3  # of any channel, where a prediction diverges
 
 
@@ -129,21 +128,12 @@ def windowed(run: Run, left_out: np.ndarray | None = None, stride: float = STRID
     )  # fmt: skip
 
 
-@compiled
-def _steps(z: Any, constants: Any, effects: Any, period: Any) -> Any:
-    """Runge-Kutta steps a row that follow the driven rim and the tyres' relaxation."""
-    by_time = int(np.ceil(period / STEP - 1e-9))
-    rate = wheel_rate(z, constants, effects)
-    if effects.tyre_relaxation > 0.0:
-        rate = max(rate, max(z[1], 1.0) / effects.tyre_relaxation)
-    return min(max(by_time, int(period * rate / STEPS_PER_RATE) + 1), MOST_STEPS)
-
-
-@compiled
+@jitable
 def _advance(z: Any, delta: Any, torque: Any, row: Any, period: Any, constants: Any, effects: Any, fed: Any,
              fed_from: Any, fed_to: Any, push: Any, k: Any, w: Any) -> Any:  # fmt: skip
     """One row of Runge-Kutta steps, in place; with `fed`, speeds (of car and rim [2]) are those of the measurement."""
-    steps = _steps(z, constants, effects, period)
+    by_time = int(np.ceil(period / STEP - 1e-9))
+    steps = min(max(by_time, int(period * fastest(z, constants, effects) / STEPS_PER_RATE) + 1), MOST_STEPS)
     h = period / steps
     for step in range(steps):
         at = STAGES * (row + step / steps)
@@ -152,10 +142,13 @@ def _advance(z: Any, delta: Any, torque: Any, row: Any, period: Any, constants: 
             share = step / steps
             z[1] = fed_from[0] + share * (fed_to[0] - fed_from[0])
             z[3] = fed_from[1] + share * (fed_to[1] - fed_from[1])
-        filter_step(z, delta, torque, at, end, h, constants, effects, push, k, w)
+        runge_kutta(rates, z, commanded(delta, torque, at), commanded(delta, torque, 0.5 * (at + end)),
+                    commanded(delta, torque, end), h, (constants, effects, push), k, w)  # fmt: skip
+        z[1] = max(z[1], MIN_FILTER_SPEED)
+        z[3] = max(z[3], 0.0)
 
 
-@compiled
+@jitable
 def _measured_state(y: Any, effects: Any, z: Any) -> Any:
     """The car's states from what sensors read, their errors taken out."""
     z[0], v, z[2], z[3] = unbiased(y[0], y[1], y[2], y[3], effects)
@@ -163,7 +156,7 @@ def _measured_state(y: Any, effects: Any, z: Any) -> Any:
     z[4] = y[4]
 
 
-@compiled
+@jitable
 def _measured_speeds(y: Any, effects: Any) -> Any:
     """Speeds of the car and of its rim [m/s] from what sensors read, their errors taken out."""
     _, v, _, omega_r = unbiased(y[0], y[1], y[2], y[3], effects)
@@ -173,40 +166,39 @@ def _measured_speeds(y: Any, effects: Any) -> Any:
 @compiled
 def predict_windows(
     start_y: Any, y: Any, starts: Any, stride_rows: Any, delta: Any, torque: Any, period: Any, constants: Any,
-    effects: Any, fed: Any, pushes: Any, out: Any,
+    effects: Any, fed: Any, pushes: Any, size: Any, out: Any,
 ) -> Any:  # fmt: skip
     """Prediction errors out [windows, horizons, 5], measured less predicted, of the windows of one run.
 
     Args:
         start_y, y: smoothed and raw measurements [rows, 5]; starts: rows [windows], ascending; stride_rows: between
-            horizons; delta, torque: on the stages' grid (`filter_state.actuated`); effects: without those of actuators;
-            pushes: further force and moment on the body [rows, 3] (`road.on_road`), none with zero rows.
+            horizons; delta, torque: on the stages' grid (`filter_state.actuated`); constants: of any car
+            (`car.equations`); effects: without those of actuators; pushes: further force and moment on the body
+            [rows, 3] (`road.on_road`), none with zero rows; size: states of the car.
     """
     pushed = pushes.shape[0] == y.shape[0]
-    z, memory, k, w, push = np.zeros(SIZE), np.zeros(SIZE), np.zeros(SIZE + 2), np.zeros((2, SIZE)), np.zeros(3)
-    _measured_state(start_y[0], effects, memory)
-    settled = settled_memory(memory[0], memory[1], memory[2], memory[3], delta[0], torque[0], constants, effects)
-    for i, state in enumerate(settled[2:]):
-        memory[7 + i] = state
-    carried, follow = 0, 2
+    z, carried, k, w, push = np.zeros(size), np.zeros(size), np.zeros(size), np.zeros((2, size)), np.zeros(3)
+    decay = np.zeros(size)
+    _measured_state(start_y[0], effects, carried)
+    settle(carried, delta[0], torque[0], constants, effects)
+    at_row, follow = 0, max(2, int(np.ceil(period / FOLLOWING - 1e-9)))
     for s in range(len(starts)):
         start = starts[s]
-        # The effects' own states follow the measured motion up to this start.
-        while carried < start:
+        # Internal states follow the measured motion up to this start.
+        while at_row < start:
             if pushed:
-                push[:] = pushes[carried]
+                push[:] = pushes[at_row]
             for step in range(follow):
                 share = (step + 0.5) / follow
-                at = STAGES * (carried + share)
-                _measured_state(start_y[carried] + share * (start_y[carried + 1] - start_y[carried]), effects, memory)
-                rates_of(memory, between(delta, at), between(torque, at), constants, effects, push, k)
+                at = STAGES * (at_row + share)
+                _measured_state(start_y[at_row] + share * (start_y[at_row + 1] - start_y[at_row]), effects, carried)
+                rates(carried, commanded(delta, torque, at), (constants, effects, push), k)
+                decays(carried, constants, effects, decay)
                 h = period / follow
-                # Slips that lag may settle within a step: an implicit one is stable.
-                lag = h * max(memory[1], 1.0) / effects.tyre_relaxation if effects.tyre_relaxation > 0.0 else 0.0
-                for i in range(7, SIZE):
-                    memory[i] += h * k[i] / (1.0 + (lag if i < 9 else 0.0))
-            carried += 1
-        z[:] = memory
+                for i in range(5, size):
+                    carried[i] += h * k[i] / (1.0 + h * decay[i])
+            at_row += 1
+        z[:] = carried
         _measured_state(start_y[start], effects, z)
         for h in range(out.shape[1]):
             for row in range(start + h * stride_rows, start + (h + 1) * stride_rows):
@@ -226,7 +218,7 @@ def predict_windows(
 
 
 def run_errors(
-    run: WindowedRun, constants: Constants, effects: Effects, horizons: int = HORIZONS, push: np.ndarray = NO_PUSH
+    run: WindowedRun, constants: CarConstants, effects: Effects, horizons: int = HORIZONS, push: np.ndarray = NO_PUSH
 ) -> np.ndarray:
     """Prediction errors [windows, horizons, 5] of one run under a car; zero where a channel is not measured.
 
@@ -238,12 +230,14 @@ def run_errors(
     out = np.empty((len(run.starts), horizons, len(PREDICTED)))
     dynamic, banked = on_road(run.bank, constants.mass, constants.gravity, without_actuators(effects))
     predict_windows(run.start_y, run.y, run.starts, run.stride_rows, delta, torque, run.period, constants,
-                    run.read_with(dynamic), run.fed, with_bank(push, banked), out)  # fmt: skip
+                    run.read_with(dynamic), run.fed, with_bank(push, banked), size_of(constants), out)  # fmt: skip
     out[..., ~run.used] = 0.0
     return out
 
 
-def errors(runs: Sequence[WindowedRun], constants: Constants, effects: Effects, horizons: int = HORIZONS) -> np.ndarray:
+def errors(
+    runs: Sequence[WindowedRun], constants: CarConstants, effects: Effects, horizons: int = HORIZONS
+) -> np.ndarray:
     """Prediction errors [windows of all runs, horizons, 5] under a car, at the first horizons."""
     return np.concatenate([run_errors(run, constants, effects, horizons) for run in runs])
 
@@ -264,10 +258,10 @@ def forecast_error(found: np.ndarray) -> float:
 
 
 def errors_of_all(
-    runs: Sequence[WindowedRun], constants: Constants, cars: Sequence[Effects], pool: ThreadPoolExecutor
+    runs: Sequence[WindowedRun], cars: Sequence[tuple[CarConstants, Effects]], pool: ThreadPoolExecutor
 ) -> list[np.ndarray]:
     """The same for several cars at once, on the pool's threads."""
-    return list(pool.map(lambda effects: errors(runs, constants, effects), cars))
+    return list(pool.map(lambda car: errors(runs, *car), cars))
 
 
 def regimes(run: WindowedRun) -> np.ndarray:

@@ -12,7 +12,8 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 
 from drift_drake.car.effects.catalogue import CATALOGUE, LIMITS
-from drift_drake.car.parameters import Constants, VehicleParameters
+from drift_drake.car.equations import CarConstants
+from drift_drake.car.parameters import VehicleParameters
 from drift_drake.gap.estimation.baseline import Scatter, scatter_of
 from drift_drake.gap.estimation.normal import Normal
 from drift_drake.gap.estimation.scores import Day, summed
@@ -79,7 +80,7 @@ def effects_of(names: Sequence[str], magnitudes: np.ndarray, follows_load: float
     return out
 
 
-def with_load(name: str, magnitude: float, share: float, constants: Constants) -> dict[str, float]:
+def with_load(name: str, magnitude: float, share: float, constants: CarConstants) -> dict[str, float]:
     """Effects of a magnitude whose axle stiffnesses follow a share of what the static loads change by.
 
     The catalogue's `mass_error` and `cg_shift` leave the stiffnesses as they are. A real tyre's follows its load, which

@@ -6,7 +6,8 @@ To first order: what a magnitude takes off the scores is its column of the infor
 import numpy as np
 
 from drift_drake.car.parameters import VehicleParameters
-from drift_drake.gap.estimation.baseline import Learnt, Scatter, scale_of
+from drift_drake.gap.estimation.baseline import Scatter, scale_of
+from drift_drake.gap.estimation.learn_normal import Learnt
 from drift_drake.gap.evidence.constants import PRIORS
 from drift_drake.gap.evidence.hypotheses import Hypothesis, unusual
 from drift_drake.gap.evidence.left_over import left_over

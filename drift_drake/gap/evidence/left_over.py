@@ -34,7 +34,7 @@ def left_over(scores: np.ndarray, scatter: Scatter, names: tuple[str, ...], slop
         weight = weight - bent @ np.linalg.pinv(slopes.T @ bent) @ bent.T
     there = partial_effects(names)
     anything = widened(float(scores @ scatter.inverse @ scores), len(scores))
-    directions = scatter.information[:, len(names) :]
+    directions = scatter.information[:, len(names) : len(names) + len(there)]
     bent = weight @ directions
     size, along = np.sum(directions * bent, axis=0), scores @ bent
     gains = np.array([

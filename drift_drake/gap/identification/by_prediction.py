@@ -8,19 +8,23 @@ import numpy as np
 
 from drift_drake.car.effects.catalogue import CATALOGUE
 from drift_drake.car.effects.magnitudes import Effects
-from drift_drake.car.parameters import Constants, VehicleParameters
+from drift_drake.car.equations import CarConstants, kind_of
+from drift_drake.car.parameters import CarParameters, VehicleParameters
 from drift_drake.common.standard_output import Progress
-from drift_drake.gap.estimation.baseline import Learnt, learn_normal, left_of
+from drift_drake.gap.estimation.baseline import left_of
+from drift_drake.gap.estimation.learn_normal import Learnt, learn_normal
 from drift_drake.gap.estimation.normal import Normal
+from drift_drake.gap.estimation.prior import TWO_SIDED
 from drift_drake.gap.estimation.reduction import STATES
 from drift_drake.gap.estimation.robust_fit import WIDTHS, RobustFit, robust_fit
 from drift_drake.gap.estimation.scores import Day, between_recordings, block_of, make_day, units
-from drift_drake.gap.estimation.unknowns import FIELDS, OWN, Unknown, added, folded, magnitudes, unknown
+from drift_drake.gap.estimation.unknowns import FIELDS, Unknown, deviations_of, folded, magnitudes, unknown, with_found
 from drift_drake.gap.estimation.windows import HORIZONS, WindowedRun, errors, forecast_error, thinned
 from drift_drake.gap.evidence.left_out import asked_in_turn
 from drift_drake.gap.evidence.posterior import NONE
 from drift_drake.gap.evidence.ranking import DayRanked
 from drift_drake.gap.identification.agreement import agreement, odd_parts, sentences
+from drift_drake.gap.identification.calibration import Parameter
 from drift_drake.gap.identification.estimate import KEEPS
 from drift_drake.gap.identification.held_out import HeldOut
 from drift_drake.gap.identification.outlook import Outlook, outlook
@@ -53,13 +57,16 @@ class LeftOpen:
 class PredictionFit:
     """The calibrated car, and what is normal for it."""
 
-    unknowns: tuple[Unknown, ...]  # that were fitted
+    unknowns: tuple[Unknown, ...]  # effects that were fitted
+    of_kind: dict[str, Parameter]  # what a kind of car alone has
     fit: RobustFit
-    vehicle: VehicleParameters  # with the deviations folded in
+    vehicle: CarParameters  # with the deviations folded in
     effects: Effects
     normal: Normal
     left_open: LeftOpen
     held_out: HeldOut
+    judged: Sequence[WindowedRun]  # the held-out windows
+    without: tuple[CarConstants, Effects]  # the car that was fitted to the others
     left_out: tuple[str, ...]  # effects that were asked for and are none of this car's
     outlook: Outlook  # detection limits, and what more recordings would bring
 
@@ -91,18 +98,21 @@ def row_by_row(run: WindowedRun) -> np.ndarray:
 
 
 def fit_by_prediction(
-    runs: Sequence[WindowedRun], vehicle: VehicleParameters, effects: Effects, own: Sequence[str],
+    runs: Sequence[WindowedRun], first: CarParameters, effects: Effects, own: Sequence[str],
     candidates: Sequence[str], stated: frozenset[str], seen: Sequence[str], progress: Progress,
 ) -> PredictionFit:  # fmt: skip
     """Calibrates a car on windows.
 
     Args:
-        vehicle, effects: the first guess; own: deviations of its parameters that are unknown (`unknowns.OWN`);
+        first, effects: the first guess; own: deviations of its parameters that are unknown (`unknowns.OWN`);
         candidates: further effects, taken in together where held-out windows ask for them; stated: tolerances that
             the vehicle file states; seen: effects that the columns can show.
+
+    Raises:
+        InvalidVehicleError: what predicts best is no car.
     """
-    constants = vehicle.constants()
-    base = [unknown(name, vehicle, stated) for name in own]
+    constants, vehicle = first.constants(), first.single_track()
+    base = [*(unknown(name, vehicle, stated) for name in own), *deviations_of(constants)]
     more = [unknown(name, vehicle, stated) for name in candidates]
     fitted, judged = split(runs)
 
@@ -114,7 +124,7 @@ def fit_by_prediction(
         return robust_fit(predicted, unknowns, EVIDENCE, start, widths)
 
     def furthest(fit: RobustFit) -> float:
-        return forecast_error(errors(judged, constants, added(effects, magnitudes(fit.names, fit.theta))))
+        return forecast_error(predicted_with(judged, constants, effects, magnitudes(fit.names, fit.theta)))
 
     progress("the car alone", 0.0)
     alone = fitted_to(fitted, base)
@@ -123,28 +133,47 @@ def fit_by_prediction(
     full = fitted_to(fitted, [*base, *more], start)
     asked_for = furthest(full) < furthest(alone)
     chosen, best = ([*base, *more], full) if asked_for else (base, alone)
-    held_out = held_out_windows(judged, vehicle, effects, added(effects, magnitudes(best.names, best.theta)))
+    found = with_found(constants, effects, magnitudes(best.names, best.theta))
+    held_out = held_out_windows(judged, (constants, effects), found)
     progress("all windows", 0.5)
     fit = fitted_to(thinned(runs, MOST_WINDOWS), chosen, best.theta)
-    kept = [u for u, q in zip(chosen, fit.theta, strict=True) if u.name in OWN or abs(q) > KEEPS * u.unit]
+    kept = [u for u, q in zip(chosen, fit.theta, strict=True) if u in base or abs(q) > KEEPS * u.unit]
     if len(kept) < len(chosen):
         at = [fit.names.index(u.name) for u in kept]
         fit = fitted_to(thinned(runs, MOST_WINDOWS), kept, fit.theta[at])
     progress("what is normal", 0.85)
-    car, rest = folded(vehicle, added(effects, magnitudes(fit.names, fit.theta)))
+    now, among = with_found(constants, effects, magnitudes(fit.names, fit.theta))
+    car, rest = folded(first.with_constants(now), among)
     steps = units(seen, vehicle)
     prior = np.array([prior_of(name, vehicle, stated) for name in seen]) / steps
-    day = make_day(thinned(runs, MOST_LEARNT), car.constants(), rest, seen, steps)
-    everyday = between_recordings(seen, vehicle) / steps
+    sizes = sizes_of(constants, fit)
+    day = make_day(thinned(runs, MOST_LEARNT), car.constants(), rest, seen, steps, kind_units=sizes)
     left = left_of(prior, np.isin(seen, fit.names))
-    learnt = learn_normal(day, tuple(seen), steps, prior, everyday, left)
-    found = asked_in_turn(learnt, car)
-    none = np.array([one.probabilities[NONE] for one in found])
-    learnt = learnt._replace(normal=dataclasses.replace(learnt.normal, left_out_none=none))
+    learnt = learn_normal(day, tuple(seen), steps, prior, between_recordings(seen, vehicle) / steps, left, sizes)
+    learnt, asked = with_left_out(learnt, car.single_track())
+    of_effects = tuple(u for u in kept if u.name in CATALOGUE)
     return PredictionFit(
-        tuple(kept), fit, car, rest, learnt.normal, left_open(day, learnt, [u.name for u in kept], found), held_out,
+        of_effects, of_kind(constants, fit, kept), fit, car, rest, learnt.normal,
+        left_open(day, learnt, [u.name for u in of_effects], asked), held_out, judged, found,
         tuple(name for name in candidates if name not in fit.names), outlook(day, learnt.normal, left, vehicle),
     )  # fmt: skip
+
+
+def with_left_out(learnt: Learnt, vehicle: VehicleParameters) -> tuple[Learnt, list[DayRanked]]:
+    """What is normal with the probabilities that recordings left out in turn have no gap, and what each says."""
+    asked = asked_in_turn(learnt, vehicle)
+    none = np.array([one.probabilities[NONE] for one in asked])
+    return learnt._replace(normal=dataclasses.replace(learnt.normal, left_out_none=none)), asked
+
+
+def sizes_of(first: CarConstants, fit: RobustFit) -> np.ndarray:
+    """Units [k] of the deviations of a car's kind, in their standard deviations.
+
+    What came out far from what is usual makes up for something that the equations lack, and that other driving asks
+    for less.
+    """
+    by = magnitudes(fit.names, fit.theta)
+    return np.array([max(1.0, abs(by[name])) for name in kind_of(first).DEVIATIONS])
 
 
 def left_open(day: Day, learnt: Learnt, names: Sequence[str], asked: Sequence[DayRanked]) -> LeftOpen:
@@ -173,10 +202,25 @@ def left_open(day: Day, learnt: Learnt, names: Sequence[str], asked: Sequence[Da
 
 
 def predicted_with(
-    runs: Sequence[WindowedRun], constants: Constants, effects: Effects, found: Mapping[str, float]
+    runs: Sequence[WindowedRun], constants: CarConstants, effects: Effects, found: Mapping[str, float]
 ) -> np.ndarray:
-    """Prediction errors of a car whose effects have further magnitudes."""
-    return errors(runs, constants, added(effects, found))
+    """Prediction errors of a first guess with magnitudes of what was unknown (`unknowns.with_found`)."""
+    return errors(runs, *with_found(constants, effects, found))
+
+
+def of_kind(first: CarConstants, fit: RobustFit, kept: Sequence[Unknown]) -> dict[str, Parameter]:
+    """What a kind of car alone has, with intervals from the fit's information."""
+    kind = kind_of(first)
+    covariance = np.linalg.inv(EVIDENCE * fit.information + np.diag([1.0 / u.prior**2 for u in kept]))
+    out = {}
+    for name, deviation in kind.DEVIATIONS.items():
+        at, sigma = fit.names.index(name), kind.value_of(name, first)
+        by, spread = float(fit.theta[at]), min(float(np.sqrt(covariance[at, at])), 1.0)
+        low, value, high, further = (deviation.moved(sigma, by + share * spread)
+                                     for share in (-TWO_SIDED, 0.0, TWO_SIDED, 1.0))  # fmt: skip
+        size = (further - value) / spread
+        out[name] = Parameter(deviation.unit, sigma, value, low, high, size * spread, size, 1.0, "free")
+    return out
 
 
 def prior_of(name: str, vehicle: VehicleParameters, stated: frozenset[str]) -> float:
@@ -191,14 +235,14 @@ def prior_of(name: str, vehicle: VehicleParameters, stated: frozenset[str]) -> f
 
 
 def held_out_windows(
-    judged: Sequence[WindowedRun], vehicle: VehicleParameters, before: Effects, after: Effects
+    judged: Sequence[WindowedRun], before: tuple[CarConstants, Effects], after: tuple[CarConstants, Effects]
 ) -> HeldOut:
     """Median absolute errors on held-out windows of the first guess and of the calibrated car, in the states' units.
 
     The ratio is the states' geometric mean at the longest horizon, its interval from resampled blocks of 2 s.
     """
     shown = [i for i in range(len(STATES)) if all(run.used[i] for run in judged)]
-    one, two = (np.abs(errors(judged, vehicle.constants(), car))[..., shown] for car in (before, after))
+    one, two = (np.abs(errors(judged, *car))[..., shown] for car in (before, after))
 
     def ratios(rows: np.ndarray) -> np.ndarray:
         medians = [np.median(part[rows, -1], axis=0) + 1e-12 for part in (one, two)]

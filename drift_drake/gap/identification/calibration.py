@@ -9,7 +9,7 @@ import numpy as np
 
 from drift_drake.car.effects.catalogue import CATALOGUE
 from drift_drake.car.effects.magnitudes import Effects
-from drift_drake.car.parameters import VehicleParameters
+from drift_drake.car.parameters import CarParameters
 from drift_drake.common.errors import DriftDrakeError
 from drift_drake.common.plain_files import named_number, read_json
 from drift_drake.gap.estimation.filter_state import CHANNELS
@@ -112,7 +112,7 @@ class Identification:
     """The calibrated car."""
 
     calibration: Calibration
-    vehicle: VehicleParameters
+    vehicle: CarParameters
     effects: Effects
     rows: int  # of the logs
 

@@ -12,9 +12,11 @@ import numpy as np
 
 from drift_drake.car.effects.catalogue import CATALOGUE
 from drift_drake.car.effects.magnitudes import Effects
+from drift_drake.car.equations import kind_of
 from drift_drake.car.log.table import Run
-from drift_drake.car.parameters import VehicleParameters
-from drift_drake.gap.estimation.baseline import learn_normal, left_of
+from drift_drake.car.parameters import CarParameters
+from drift_drake.gap.estimation.baseline import left_of
+from drift_drake.gap.estimation.learn_normal import learn_normal
 from drift_drake.gap.estimation.robust_fit import robust_scales
 from drift_drake.gap.estimation.scores import Day, between_recordings, huber_weights, make_day, units
 from drift_drake.gap.estimation.unknowns import OWN
@@ -36,24 +38,26 @@ class Forecast(NamedTuple):
 
 
 def forecast(
-    runs: Sequence[Run], vehicle: VehicleParameters, effects: Effects, known: Sequence[str], stated: frozenset[str]
+    runs: Sequence[Run], car: CarParameters, effects: Effects, known: Sequence[str], stated: frozenset[str]
 ) -> Forecast:
     """What a calibration by prediction on usable runs would leave open.
 
     Args:
-        vehicle, effects: the first guess; known: parameters that stay as they are; stated: tolerances that the vehicle
+        car, effects: the first guess; known: parameters that stay as they are; stated: tolerances that the vehicle
             file states.
     """
-    seen, _ = seen_effects(runs, tuple(CATALOGUE))
+    vehicle, lacks = car.single_track(), kind_of(car.constants()).LACKS
+    seen, _ = seen_effects(runs, tuple(name for name in CATALOGUE if name not in lacks))
     windows = [windowed(run, run.filled, stride_of(vehicle)) for run in runs]
     steps = units(seen, vehicle)
     prior = np.array([prior_of(name, vehicle, stated | frozenset(known)) for name in seen]) / steps
-    day = make_day(thinned(windows, MOST_WINDOWS), vehicle.constants(), effects, seen, steps)
+    day = make_day(thinned(windows, MOST_WINDOWS), car.constants(), effects, seen, steps)
     day = linearly_calibrated(day, prior)
     everyday = between_recordings(seen, vehicle) / steps
     own = [name for name in OWN if name in seen and CATALOGUE[name].tolerance not in known]
     left = left_of(prior, np.isin(seen, own))
-    learnt = learn_normal(day, tuple(seen), steps, prior, everyday, left)
+    usual = np.ones(len(kind_of(car.constants()).DEVIATIONS))
+    learnt = learn_normal(day, tuple(seen), steps, prior, everyday, left, usual)
     return Forecast(
         left_open(day, learnt, own, asked_in_turn(learnt, vehicle)), outlook(day, learnt.normal, left, vehicle)
     )

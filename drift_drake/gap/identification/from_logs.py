@@ -4,21 +4,23 @@ import dataclasses
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from drift_drake.car.effects.given import Vehicle, vehicle_given
+from drift_drake.car.given_vehicle import Vehicle, vehicle_given
 from drift_drake.car.log.given import Logs, logs_given
 from drift_drake.car.log.table import InvalidLogError, Run
+from drift_drake.car.parameters import VehicleParameters
 from drift_drake.common.standard_output import Progress
 from drift_drake.gap.identification.calibration import Identification
 from drift_drake.gap.identification.identify import Days, read_days
 from drift_drake.gap.identification.identify import identify as identify_runs
-from drift_drake.gap.identification.options import EFFECTS, KNOWN, Criterion
+from drift_drake.gap.identification.options import EFFECTS, KNOWN, CarKind, Criterion
 from drift_drake.gap.monitoring.normal import learn_normal_scores
 
 
 def identify(
     logs: Logs | Sequence[str | Path], vehicle: Vehicle, *, known: Sequence[str] = KNOWN,
     effects: Sequence[str] = EFFECTS, criterion: Criterion = "auto", stated: Mapping[str, float] | None = None,
-    case: str | None = None, force: bool = False, watching: bool = True, progress: Progress | None = None,
+    case: str | None = None, car: CarKind = "single-track", force: bool = False, watching: bool = True,
+    progress: Progress | None = None,
 ) -> Identification:  # fmt: skip
     """Calibrates a car on logs: parameters, tolerances, lags, and what the logs cannot identify.
 
@@ -33,6 +35,8 @@ def identify(
         criterion: "likelihood" (exact where innovations are white), "prediction" (errors half a second ahead), or
             "auto", which lets the logs choose;
         stated: noise levels [SI, one standard deviation] by column that are known otherwise; case: name of it all;
+        car: kind of car where prediction judges: "single-track", "double-track", or "auto", which takes a double-track
+            one where that predicts held-out parts better;
         force: also on logs that are too gentle; watching: whether to learn what is normal while the car is watched
             (`watch`), where the logs can say; progress: called with a stage and the share done.
 
@@ -42,10 +46,10 @@ def identify(
     Raises:
         InvalidLogError: no run can be used; InvalidVehicleError: of the vehicle, or a name that is none.
     """
-    car, days = vehicle_given(vehicle), _days(logs, case)
+    first, days = vehicle_given(vehicle), _days(logs, case)
     found = identify_runs(
-        days.runs, car.parameters, car.effects, days.case, known, effects, {**days.stated, **(stated or {})}, progress,
-        criterion, car.tolerances, force,
+        days.runs, first.parameters, first.effects, days.case, known, effects, {**days.stated, **(stated or {})},
+        progress, criterion, first.tolerances, force, kind=car,
     )  # fmt: skip
     return _with_normal_scores(found, days.runs) if watching else found
 
@@ -61,7 +65,9 @@ def _days(logs: Logs | Sequence[str | Path], case: str | None) -> Days:
 
 
 def _with_normal_scores(found: Identification, runs: Sequence[Run]) -> Identification:
-    """A calibration with what is normal for the car while it is watched, where its logs can say."""
+    """A calibration with what is normal for a single-track car while it is watched, where its logs can say."""
+    if not isinstance(found.vehicle, VehicleParameters):
+        return found
     try:
         scores = learn_normal_scores(runs, found.vehicle, found.effects)
     except (InvalidLogError, ValueError):  # no torque commands, or too little driving

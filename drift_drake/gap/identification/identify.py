@@ -12,52 +12,35 @@ from typing import NamedTuple
 
 import numpy as np
 
+from drift_drake.car.double_track.nearest import nearest_double_track
 from drift_drake.car.effects.catalogue import CATALOGUE, fitted
 from drift_drake.car.effects.magnitudes import Effects
+from drift_drake.car.equations import kind_of
 from drift_drake.car.log.table import InvalidLogError, Run, read_case, stated_noise
-from drift_drake.car.parameters import VehicleParameters
+from drift_drake.car.parameters import CarParameters, InvalidVehicleError, VehicleParameters
 from drift_drake.common.standard_output import Progress
 from drift_drake.gap.estimation.admitted import admit
-from drift_drake.gap.estimation.prior import TWO_SIDED
-from drift_drake.gap.estimation.unknowns import FIELDS, OWN, folded
+from drift_drake.gap.estimation.unknowns import OWN
 from drift_drake.gap.estimation.usable import part_of, seen_effects
 from drift_drake.gap.estimation.windows import stride_of, windowed
+from drift_drake.gap.identification.asked import Asked
 from drift_drake.gap.identification.by_likelihood import NO_PEAK, identify_by_likelihood, stretched
-from drift_drake.gap.identification.by_prediction import PredictionFit, fit_by_prediction
-from drift_drake.gap.identification.calibration import Calibration, Identification, Parameter, directions, tied
+from drift_drake.gap.identification.by_prediction import PredictionFit, fit_by_prediction, held_out_windows
+from drift_drake.gap.identification.calibration import Calibration, Identification
 from drift_drake.gap.identification.driving import CIRCLES, ONE_RECORDING, SLIPPERY, STEPS, driving_of
-from drift_drake.gap.identification.estimate import Trust, check_effect_names
-from drift_drake.gap.identification.held_out import HeldOut
+from drift_drake.gap.identification.estimate import check_effect_names
 from drift_drake.gap.identification.kept import held_still, kept_at_first_guess
-from drift_drake.gap.identification.options import EFFECTS, KNOWN, Criterion
+from drift_drake.gap.identification.options import EFFECTS, KNOWN, CarKind, Criterion
+from drift_drake.gap.identification.stated import stated_in_full
 from drift_drake.gap.identification.whiteness import whiteness
 
 WHITE = 0.1  # row weight of that fit, from which they are
 FURTHER = fitted("further")  # that a car may have beside those asked for, taken in where held-out prediction asks
 
 
-@dataclasses.dataclass(frozen=True)
-class Asked:
-    """What is asked of an identification; see `identify`."""
-
-    vehicle: VehicleParameters
-    effects: Effects
-    case: str
-    known: tuple[str, ...]
-    names: tuple[str, ...]
-    stated: Mapping[str, float] | None
-    criterion: Criterion
-    tolerances: frozenset[str]
-    unseen: tuple[str, ...] = ()  # parameters (names of tolerances) that the drives cannot show
-
-    def without_unseen(self, names: Sequence[str]) -> list[str]:
-        """Effects of these names that the drives may show."""
-        return [name for name in names if not ("friction" in self.unseen and CATALOGUE[name].at_the_limit)]
-
-
 def identify(
     runs: Sequence[Run],
-    vehicle: VehicleParameters,
+    first: CarParameters,
     effects: Effects = Effects(),
     case: str = "case",
     known: Sequence[str] = KNOWN,
@@ -68,18 +51,20 @@ def identify(
     tolerances: frozenset[str] = frozenset(),
     force: bool = False,
     unseen: Sequence[str] | None = None,
+    kind: CarKind = "single-track",
 ) -> Identification:
     """Calibrates a car on runs. Parameters that the drives cannot show stay at their first guess.
 
     Args:
-        runs: of one car, of one or several days; vehicle, effects: the first guess;
+        runs: of one car, of one or several days; first, effects: the first guess;
         known: parameters whose tolerance in the vehicle is believed as it is;
         names: effects that may belong to the car, beside those of the first guess;
         stated: noise levels that are known otherwise (`make_problem`); progress: called with a stage and a share;
         criterion: "auto" is the likelihood where innovations are white beside the car that it finds, else prediction;
         tolerances: names of those that the vehicle file states: prediction believes them, times two;
         force: calibrate on drives that are too gentle too, and whatever a known parameter comes out as;
-        unseen: parameters (names of tolerances) that stay as they are; None: those that the drives cannot show.
+        unseen: parameters (names of tolerances) that stay as they are; None: those that the drives cannot show;
+        kind: of car, where prediction judges; "auto": a double-track one where that predicts held-out parts better.
 
     Raises:
         InvalidLogError: no run can be used, they are too gentle, a known parameter comes out far from what is known of
@@ -89,6 +74,7 @@ def identify(
     began = time.perf_counter()
     tell = progress or (lambda _stage, _share: None)
     check_effect_names(known, names)
+    vehicle = first.single_track()
     runs, _, warnings = admit(runs, vehicle)
     warnings += [
         f"effect {name}: calibrated anyway, as a parameter of the vehicle file" for name in names if name in OWN
@@ -97,21 +83,19 @@ def identify(
     if driving.gentle and not force:
         raise InvalidLogError(driving.too_gentle(case))
     found_unseen = tuple(name for name in driving.unseen if driving.gentle or name not in known)
-    asked = Asked(vehicle, effects, case, tuple(known), tuple(name for name in names if name not in OWN), stated,
-                  criterion, tolerances, found_unseen if unseen is None else tuple(unseen))  # fmt: skip
+    asked = Asked(first, effects, case, tuple(known), tuple(name for name in names if name not in OWN), stated,
+                  criterion, tolerances, kind, found_unseen if unseen is None else tuple(unseen))  # fmt: skip
     found = calibrated(runs, asked, tell)
-    shows = driving.shows_friction_of(vehicle.friction, found.vehicle.friction)
+    shows = driving.shows_friction_of(vehicle.friction, found.vehicle.single_track().friction)
     if unseen is None and not shows and "friction" not in (*asked.unseen, *known):
         asked = dataclasses.replace(asked, unseen=("friction", *asked.unseen))
         found = calibrated(runs, asked, tell)
     if not force:
         check_known(found.calibration)
     c = found.calibration
-    more = [one.sentence() for one in driving.missing() if one.grave and one.why != ONE_RECORDING]
-    c = dataclasses.replace(
-        c, seconds=time.perf_counter() - began, driving=driving,
-        warnings=[*warnings, *c.warnings, *more, *kept_sentences(asked)],
-    )  # fmt: skip
+    lacking = [one.sentence() for one in driving.missing() if one.grave and one.why != ONE_RECORDING]
+    warnings = [*warnings, *c.warnings, *lacking, *kept_sentences(asked)]
+    c = dataclasses.replace(c, seconds=time.perf_counter() - began, driving=driving, warnings=warnings)
     tell("done", 1.0)
     return dataclasses.replace(found, calibration=c)
 
@@ -120,6 +104,13 @@ def calibrated(runs: Sequence[Run], asked: Asked, tell: Progress) -> Identificat
     """The car by the criterion that is asked for, or that its logs choose; runs: parts that can be used."""
     lacks_beta = any(run.beta is None for run in runs)
     criterion, warnings = asked.criterion, list[str]()
+    double = asked.kind == "double-track" or not isinstance(asked.first, VehicleParameters)
+    if double and criterion == "likelihood":
+        raise InvalidLogError(
+            f"{asked.case}: a double-track car is calibrated by prediction; choose --criterion prediction, or "
+            "--car single-track"
+        )
+    criterion = "prediction" if double else criterion
     if criterion == "prediction" and lacks_beta:
         raise InvalidLogError(
             f"{asked.case}: column beta is missing; prediction needs it, choose --criterion likelihood"
@@ -129,13 +120,16 @@ def calibrated(runs: Sequence[Run], asked: Asked, tell: Progress) -> Identificat
     found = None
     part, left_out = part_of(runs)  # the filter's derivatives are kept for every row
     if criterion != "likelihood":
-        predicted = by_prediction(runs, asked, lambda stage, share: tell(stage, 0.5 * share))
+        predicted = by_prediction(runs, asked, double, lambda stage, share: tell(stage, 0.5 * share))
         why = []
         if criterion == "auto":
-            white = whiteness(part, predicted.vehicle, predicted.effects, asked.stated)
+            white = whiteness(part, predicted.vehicle.single_track(), predicted.effects, asked.stated)
             why = [white.sentence()]
             found = white_or_none(part, asked, tell) if white.may_be_white else None
         if found is None:
+            if asked.kind == "auto" and not double and may_have_two_tracks(runs, asked.vehicle):
+                predicted, sentence = of_better_kind(runs, asked, predicted, tell)
+                why.append(sentence)
             found = stated_in_full(predicted, why, asked, sum(len(run) for run in runs))
     if found is None:
         found = by_likelihood(part, asked, tell)
@@ -189,10 +183,46 @@ def by_likelihood(runs: Sequence[Run], asked: Asked, tell: Progress) -> Identifi
         raise InvalidLogError(NO_PEAK.format(case=asked.case)) from None
 
 
-def by_prediction(runs: Sequence[Run], asked: Asked, tell: Progress) -> PredictionFit:
-    """The car that predicts best; parameters that are known, or that the drives cannot show, stay as they are."""
+def may_have_two_tracks(runs: Sequence[Run], vehicle: VehicleParameters) -> bool:
+    """Whether a double-track car is asked for unasked: its rear wheels' speeds need torque, and it drives no front
+    wheel."""
+    return vehicle.front_coupling == 0.0 and all(run.tau_cmd is not None and run.omega_r is not None for run in runs)
+
+
+def of_better_kind(
+    runs: Sequence[Run], asked: Asked, single: PredictionFit, tell: Progress
+) -> tuple[PredictionFit, str]:
+    """A double-track car where it predicts held-out parts better than the single-track one, beyond what chance does."""
+
+    def told(stage: str, share: float) -> None:
+        tell(f"{stage}, on two tracks", 0.5 + 0.5 * share)
+
+    try:
+        double = by_prediction(runs, asked, True, told)
+    except (InvalidVehicleError, np.linalg.LinAlgError) as error:
+        return single, f"a single-track car: a double-track one cannot be identified on these logs ({error})"
+    apart = held_out_windows(single.judged, single.without, double.without)
+    ratio = f"{apart.ratio:.2f} (95 %: {apart.low:.2f} to {apart.high:.2f}) times the single-track car's"
+    said = f"on held-out parts the errors of a double-track car are {ratio}"
+    return (double, f"a double-track car: {said}") if apart.high < 1.0 else (single, f"a single-track car: {said}")
+
+
+def by_prediction(runs: Sequence[Run], asked: Asked, double: bool, tell: Progress) -> PredictionFit:
+    """The car that predicts best; parameters that are known, or that the drives cannot show, stay as they are.
+
+    double: a double-track car.
+    """
+    first = asked.first
+    if double and isinstance(first, VehicleParameters):
+        if first.front_coupling:
+            raise InvalidVehicleError(
+                f"{asked.case}: a double-track car drives its rear wheels alone, and front_coupling is "
+                f"{first.front_coupling:g}; calibrate it with --car single-track"
+            )
+        first = nearest_double_track(first)
+    lacks = kind_of(first.constants()).LACKS
     held = {name for name, info in CATALOGUE.items() if info.tolerance in (*asked.known, *asked.unseen)}
-    seen, _ = seen_effects(runs, tuple(CATALOGUE))
+    seen, _ = seen_effects(runs, tuple(name for name in CATALOGUE if name not in lacks))
     own = [name for name in OWN if name not in held and name in seen]
     if not own:
         raise InvalidLogError(
@@ -203,58 +233,7 @@ def by_prediction(runs: Sequence[Run], asked: Asked, tell: Progress) -> Predicti
     candidates = [name for name in further if name in seen and name not in OWN]
     stated = asked.tolerances | frozenset(asked.known)
     windows = [windowed(run, run.filled, stride_of(asked.vehicle)) for run in runs]
-    return fit_by_prediction(windows, asked.vehicle, asked.effects, own, candidates, stated, seen, tell)
-
-
-def stated_in_full(found: PredictionFit, why: list[str], asked: Asked, rows: int) -> Identification:
-    """Parameters, tolerances and the file, all of one fit by prediction; `why`: that was the criterion."""
-    parameters: dict[str, Parameter] = {}
-    changes: dict[str, float] = {}
-    start, _ = folded(asked.vehicle, asked.effects)
-    left = found.left_open
-    for u, sigma, wide in zip(found.unknowns, left.deviations, left.stated, strict=True):
-        info = CATALOGUE[u.name]
-        field = FIELDS.get(u.name)
-        scale = 1.0 if field is None or info.unit != "-" else float(getattr(start, field))
-        origin = float(getattr(start, field)) if field else 0.0
-        value = float(getattr(found.vehicle if field else found.effects, field or u.name))
-        prior, sigma, wide = (float(min(q, u.prior)) * scale for q in (u.prior, sigma, wide))
-        low, high = value - TWO_SIDED * wide, value + TWO_SIDED * wide
-        low = max(low, 0.0) if not info.signed or (field and info.unit == "-") else low
-        unit = VehicleParameters.__dataclass_fields__[field].metadata["unit"] if field else info.unit
-        kind = "free" if u.name in OWN else "effect"
-        first = origin if field else float(getattr(asked.effects, u.name))
-        parameters[field or u.name] = Parameter(unit, first, value, low, high, wide, prior, 1.0, kind)
-        if info.tolerance:
-            changes[info.tolerance] = sigma / (value if info.unit == "-" else 1.0)
-    calibration = Calibration(
-        case=asked.case, parameters=parameters, correlation=left.correlation.tolist(),
-        not_identified=directions(parameters, left.correlation), tied=tied(list(parameters), left.correlation),
-        left_out=list(found.left_out), held_out=found.held_out, trust=Trust(1.0, 1.0), row_weight=1.0, everyday=None,
-        seconds=0.0, warnings=[*why, *worse_states(found.held_out), *beyond_stated(parameters, asked), *left.sentences],
-        criterion="prediction", normal=found.normal, disagreed=left.disagreed, outlook=found.outlook,
-    )  # fmt: skip
-    tolerance = dataclasses.replace(found.vehicle.tolerance, **changes)
-    return Identification(calibration, found.vehicle.replace(tolerance=tolerance), found.effects, rows)
-
-
-def beyond_stated(parameters: Mapping[str, Parameter], asked: Asked) -> list[str]:
-    """Warnings of parameters that came out more than three times the tolerance that the vehicle file states."""
-    tolerances = {}
-    for name in OWN:
-        info, field = CATALOGUE[name], FIELDS.get(name, name)
-        if info.tolerance in asked.tolerances and field in parameters:
-            tolerance = float(getattr(asked.vehicle.tolerance, info.tolerance))
-            tolerances[field] = tolerance * (parameters[field].start if info.unit == "-" else 1.0)
-    return stretched({name: dataclasses.replace(parameters[name], kind="known", prior=max(tolerance, 1e-12))
-                      for name, tolerance in tolerances.items()})  # fmt: skip
-
-
-def worse_states(h: HeldOut) -> list[str]:
-    """Warnings of states that the calibrated car predicts worse than the first guess."""
-    rows = zip(h.states, h.before[-1], h.after[-1], strict=True)
-    return [f"{state} is predicted worse than by the first guess ({after:.3g}, {before:.3g} before)"
-            for state, before, after in rows if state in h.worse]  # fmt: skip
+    return fit_by_prediction(windows, first, asked.effects, own, candidates, stated, seen, tell)
 
 
 class Days(NamedTuple):

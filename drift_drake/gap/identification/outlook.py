@@ -36,7 +36,7 @@ def outlook(day: Day, normal: Normal, left: np.ndarray, vehicle: VehicleParamete
     information = block_information(day, normal.scales, normal.precision)
     columns = []
     for times in TIMES:
-        unknown = unknown_after(normal.left_open, with_partial(left, len(information)), times)
+        unknown = unknown_after(normal.left_open, with_partial(left, len(information), len(normal.of_kind)), times)
         after = dataclasses.replace(normal, left_open=unknown)
         columns.append(limits(information, scatter_of(day, after).covariance, normal, vehicle))
     return {name: [column[name] for column in columns] for name in columns[0]}

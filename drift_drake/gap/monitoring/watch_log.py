@@ -6,8 +6,10 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
-from drift_drake.car.effects.given import GivenVehicle, Vehicle, vehicle_given
+from drift_drake.car.effects.magnitudes import Effects
+from drift_drake.car.given_vehicle import Vehicle, single_track_of, vehicle_given
 from drift_drake.car.log.table import InvalidLogError, Run, read_run
+from drift_drake.car.parameters import VehicleParameters
 from drift_drake.common.errors import InvalidOptionError
 from drift_drake.gap.monitoring.monitor import BLOCK, SPIN, Monitor
 from drift_drake.gap.monitoring.normal import (
@@ -73,7 +75,8 @@ def watch(
         InvalidLogError: the log cannot be watched; InvalidVehicleError: of the vehicle;
         InvalidNormalScoresError: of the calibration; InvalidOptionError: a run cannot be followed.
     """
-    car, scores = vehicle_given(vehicle), None if calibration is None else _scores(calibration)
+    given, scores = vehicle_given(vehicle), None if calibration is None else _scores(calibration)
+    car = single_track_of(given.parameters), given.effects
     monitor, rows, name = _rows(log, car, scores, follow, idle)
     verdicts = watched(monitor, rows)
     if page is not None:
@@ -97,14 +100,18 @@ def _scores(calibration: Any) -> NormalScores:
 
 
 def _rows(
-    log: str | Path | Run, car: GivenVehicle, scores: NormalScores | None, follow: bool, idle: float
+    log: str | Path | Run,
+    car: tuple[VehicleParameters, Effects],
+    scores: NormalScores | None,
+    follow: bool,
+    idle: float,
 ) -> tuple[Monitor, Iterator[Row], str]:
     """(the monitor for a log, its rows, what it is called)."""
 
     def monitor_for(run: Run) -> Monitor:
         if scores is None:
-            return monitor_of(run, car.parameters, car.effects)
-        return calibrated_monitor(scores, run, car.parameters, car.effects)
+            return monitor_of(run, *car)
+        return calibrated_monitor(scores, run, *car)
 
     if isinstance(log, Run):
         if follow:

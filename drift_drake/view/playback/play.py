@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from drift_drake.car.effects.magnitudes import Effects
 from drift_drake.car.log.table import InvalidLogError, Run, read_run
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.view.playback.side_by_side import CarModel, Played, SideBySide
@@ -68,7 +67,7 @@ def drawn(played: Played) -> dict[str, pd.DataFrame]:
     return out
 
 
-def prepare(log: str | Path | Run, vehicles: Mapping[str, tuple[VehicleParameters, Effects]]) -> SideBySide:
+def prepare(log: str | Path | Run, vehicles: Mapping[str, CarModel]) -> SideBySide:
     """The diagram for a log, with a car for each vehicle by name, the nominal one first.
 
     Raises:
@@ -76,7 +75,7 @@ def prepare(log: str | Path | Run, vehicles: Mapping[str, tuple[VehicleParameter
     """
     run = log if isinstance(log, Run) else read_run(log)
     try:
-        return SideBySide(run, {name: CarModel(*held) for name, held in vehicles.items()})
+        return SideBySide(run, vehicles)
     except InvalidLogError as error:
         where = run.name if isinstance(log, Run) else log
         raise InvalidLogError(f"{where}: {str(error).removeprefix(run.name + ': ')}") from None

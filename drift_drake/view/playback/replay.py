@@ -3,11 +3,11 @@
 import dataclasses
 from pathlib import Path
 
-from drift_drake.car.effects.given import Vehicle, vehicle_given
+from drift_drake.car.given_vehicle import Vehicle, vehicle_given
 from drift_drake.car.log.table import Run
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.view.playback.play import Comparison, compare, describe, prepare, write_replay
-from drift_drake.view.playback.side_by_side import Played
+from drift_drake.view.playback.side_by_side import CarModel, Played
 
 
 @dataclasses.dataclass(frozen=True)
@@ -45,6 +45,6 @@ def replay(log: str | Path | Run, vehicle: Vehicle, corrected: Vehicle | None = 
     """
     cars = {"nominal": vehicle} | ({} if corrected is None else {"corrected": corrected})
     given = {name: vehicle_given(car) for name, car in cars.items()}
-    played = prepare(log, {name: (car.parameters, car.effects) for name, car in given.items()}).run(restart)
+    played = prepare(log, {name: CarModel(car.parameters, car.effects) for name, car in given.items()}).run(restart)
     name = log.name if isinstance(log, Run) else Path(log).name
-    return Replayed(name, played, compare(played), restart, given["nominal"].parameters)
+    return Replayed(name, played, compare(played), restart, given["nominal"].parameters.single_track())

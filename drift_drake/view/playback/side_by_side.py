@@ -17,7 +17,7 @@ from drift_drake.car.effects.magnitudes import Effects
 from drift_drake.car.log.driving import SPUN, driven, slowest, spans
 from drift_drake.car.log.measured_motion import MeasuredMotion, measured_motion
 from drift_drake.car.log.table import InvalidLogError, Run
-from drift_drake.car.parameters import VehicleParameters
+from drift_drake.car.parameters import CarParameters, VehicleParameters
 from drift_drake.car.road import bank_force
 from drift_drake.car.sensors import LOG_ROW, NoiseLevels
 from drift_drake.car.single_track.motion import INPUTS
@@ -36,7 +36,7 @@ KEEPING_TIME = 0.1  # [s] in which one without a rim speed either takes on the l
 class CarModel(NamedTuple):
     """What a vehicle file holds."""
 
-    parameters: VehicleParameters
+    parameters: CarParameters
     effects: Effects = Effects()
 
 
@@ -87,7 +87,7 @@ class SideBySide:
         """
         self._log, self.models = run, dict(cars)
         self._t = run.t - run.t[0]
-        nominal = next(iter(cars.values())).parameters
+        nominal = next(iter(cars.values())).parameters.single_track()
         self.motion: MeasuredMotion = measured_motion(run, nominal)
         self.driven, self._slowest = driven(run, nominal), slowest(nominal)
         self.remarks = list(self.motion.remarks)
@@ -125,19 +125,20 @@ class SideBySide:
         car = self.cars[name] = builder.AddNamedSystem(name, made)
         steering, wrenches = self._source(builder, f"steering_of_{name}", given["delta_cmd"]), []
         if self._follow:
-            follower = builder.AddNamedSystem(f"{name}_wheels", rim_speed_follower(model.parameters))
+            follower = builder.AddNamedSystem(f"{name}_wheels", rim_speed_follower(model.parameters.single_track()))
             builder.Connect(car.GetOutputPort("state"), follower.GetInputPort("state"))
             builder.Connect(self._wanted, follower.GetInputPort("wanted"))
             driving = follower.get_output_port()
         else:
             driving = self._source(builder, f"torque_of_{name}", given["tau_cmd"])
         if self._keep:
-            keeper = builder.AddNamedSystem(f"{name}_speed", speed_keeper(model.parameters))
+            keeper = builder.AddNamedSystem(f"{name}_speed", speed_keeper(model.parameters.single_track()))
             builder.Connect(car.GetOutputPort("state"), keeper.GetInputPort("state"))
             builder.Connect(self._wanted, keeper.GetInputPort("wanted"))
             wrenches.append(keeper.get_output_port())
         if run.bank is not None:
-            weight = model.parameters.mass * (1.0 + model.effects.mass_error) * model.parameters.gravity
+            single = model.parameters.single_track()
+            weight = single.mass * (1.0 + model.effects.mass_error) * single.gravity
             force = bank_force(run.bank, weight, model.effects.road_bank)
             none = np.zeros(len(run))
             wrenches.append(self._source(builder, f"bank_under_{name}", np.stack([none, force, none])))

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-from drift_drake.car.double_track.car_file import holds_double_track, read_double_track, write_double_track
+from drift_drake.car.double_track.car_file import holds_double_track, read_double_track
 from drift_drake.car.double_track.parameters import CARS
 from drift_drake.car.effects.magnitudes import Effects
 from drift_drake.car.parameters import InvalidVehicleError, VehicleParameters
@@ -18,17 +18,17 @@ EFFECTS = Effects(steering_lag=0.06, drivetrain_friction=40.0)
 def test_it_is_read_back_to_the_bit(tmp_path: Path, name: str) -> None:
     car = CARS[name].replace(differential_preload=60.0, differential_share=0.3)
     path = tmp_path / "car.yaml"
-    write_double_track(path, car, EFFECTS)
+    write_vehicle(path, car, EFFECTS)
     assert holds_double_track(path)
     assert read_double_track(path) == (car, EFFECTS)
-    write_double_track(path, car)
+    write_vehicle(path, car)
     assert read_double_track(path) == (car, Effects())
 
 
 def test_a_file_of_the_other_kind_is_said_so(tmp_path: Path) -> None:
     path = tmp_path / "car.yaml"
-    write_double_track(path, CARS["coupe"])
-    with pytest.raises(InvalidVehicleError, match=r"car\.yaml: holds a double-track car, which 'drift-drake drive'"):
+    write_vehicle(path, CARS["coupe"])
+    with pytest.raises(InvalidVehicleError, match=r"car\.yaml: holds a double-track car, .* give a single-track"):
         read_vehicle(path)
     write_vehicle(path, VehicleParameters())
     assert not holds_double_track(path)
@@ -54,7 +54,7 @@ def test_a_file_of_the_other_kind_is_said_so(tmp_path: Path) -> None:
 )
 def test_what_is_wrong_is_named(tmp_path: Path, place: tuple[str, ...], value: object, said: str) -> None:
     path = tmp_path / "car.yaml"
-    write_double_track(path, CARS["coupe"], EFFECTS)
+    write_vehicle(path, CARS["coupe"], EFFECTS)
     data = yaml.safe_load(path.read_text())
     at = data
     for key in place[:-1]:
@@ -69,7 +69,7 @@ def test_what_is_wrong_is_named(tmp_path: Path, place: tuple[str, ...], value: o
 
 def test_a_parameter_that_is_missing_is_named(tmp_path: Path) -> None:
     path = tmp_path / "car.yaml"
-    write_double_track(path, CARS["coupe"])
+    write_vehicle(path, CARS["coupe"])
     path.write_text("".join(line for line in path.read_text().splitlines(True) if "cg_height" not in line))
     with pytest.raises(InvalidVehicleError, match=r"car\.yaml: double_track: missing cg_height; add a line"):
         read_double_track(path)

@@ -9,7 +9,6 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from drift_drake.car.double_track.car_file import write_double_track
 from drift_drake.car.double_track.parameters import CARS
 from drift_drake.car.double_track.plant import DoubleTrackPlant
 from drift_drake.car.double_track.step_model import DoubleTrackStepModel
@@ -260,7 +259,7 @@ def test_a_car_that_is_known_is_driven_with_what_it_has(tmp_path: Path) -> None:
 def test_a_double_track_car_that_is_known_is_driven_as_one(tmp_path: Path) -> None:
     """What a file of such a car says is the plant, and what the controller plans with."""
     car, effects = CARS["roadster"].replace(differential_share=0.2), make_effects({"steering_lag": 0.05})
-    write_double_track(tmp_path / "known.yaml", car, effects)
+    write_vehicle(tmp_path / "known.yaml", car, effects)
     loop = build(ClosedLoopConfig(vehicle=tmp_path / "known.yaml", model="known"))
     assert isinstance(loop.car.plant, DoubleTrackPlant)
     assert (loop.car.plant.parameters, loop.car.plant.effects) == (car, effects)

@@ -7,7 +7,11 @@ import pytest
 from scipy.stats import multivariate_normal
 
 from drift_drake.car.parameters import VehicleParameters
-from drift_drake.gap.estimation.baseline import LeftOut, Scatter, Stretches
+from drift_drake.gap.estimation.baseline import (
+    LeftOut,
+    Scatter,
+    Stretches,
+)
 from drift_drake.gap.estimation.partial import partial_effects
 from drift_drake.gap.evidence.constants import OF_PARTIAL, SIZES, WIDER
 from drift_drake.gap.evidence.left_out import asked_in_turn

@@ -7,7 +7,7 @@ import pytest
 from scipy.stats import chi2
 
 from drift_drake.cli.identify import row
-from drift_drake.gap.estimation.baseline import learn_normal
+from drift_drake.gap.estimation.learn_normal import learn_normal
 from drift_drake.gap.estimation.prediction_constants import CALIBRATED
 from drift_drake.gap.estimation.robust_fit import robust_scales
 from drift_drake.gap.estimation.scores import make_day

@@ -7,20 +7,12 @@ import pytest
 
 from drift_drake.car.double_track.nearest import nearest_double_track
 from drift_drake.car.double_track.parameters import CARS, DoubleTrackParameters
-from drift_drake.car.double_track.plant import LOG_STATES, PERIOD, advance, flattened, start
+from drift_drake.car.double_track.plant import LOG_STATES, PERIOD, advance, start
 from drift_drake.car.effects.magnitudes import Effects
 from drift_drake.car.log.table import Run
 from drift_drake.car.parameters import VehicleParameters
-from drift_drake.gap.estimation.double_track_windows import double_track_errors
 from drift_drake.gap.estimation.windows import WindowedRun, errors, forecast_error, windowed
-from drift_drake.gap.identification.double_track import (
-    EFFECTS,
-    OWN,
-    DoubleTrackFit,
-    _car,
-    _unknown,
-    identify_double_track,
-)
+from drift_drake.gap.identification.double_track import DoubleTrackFit, identify_double_track
 from drift_drake.gap.identification.identify import identify
 from experiments.benchmarks.compiled_cases import NOISE
 
@@ -75,10 +67,10 @@ def test_it_predicts_drives_that_it_was_not_fitted_to_as_the_true_car_does(
 ) -> None:
     fresh = [windowed(driven(CAR, seed)) for seed in (3, 4)]
     car, effects, _ = found
-    true = forecast_error(double_track_errors(fresh, CAR.constants(), TRUE))
-    assert forecast_error(double_track_errors(fresh, car.constants(), effects)) < 1.3 * true
+    true = forecast_error(errors(fresh, CAR.constants(), TRUE))
+    assert forecast_error(errors(fresh, car.constants(), effects)) < 1.3 * true
     guess = nearest_double_track(VehicleParameters())
-    assert forecast_error(double_track_errors(fresh, guess.constants(), Effects())) > 5.0 * true
+    assert forecast_error(errors(fresh, guess.constants(), Effects())) > 5.0 * true
 
 
 def test_no_single_track_car_predicts_them_so(
@@ -86,7 +78,7 @@ def test_no_single_track_car_predicts_them_so(
 ) -> None:
     single = identify(drives, VehicleParameters(), known=(), criterion="likelihood")
     single_error = forecast_error(errors(seen, single.vehicle.constants(), single.effects))
-    assert forecast_error(double_track_errors(seen, found[0].constants(), found[1])) < 0.5 * single_error
+    assert forecast_error(errors(seen, found[0].constants(), found[1])) < 0.5 * single_error
 
 
 def test_lags_and_the_locking_differential_are_found(found: DoubleTrackFit) -> None:
@@ -104,34 +96,5 @@ def test_sensors_that_are_off_are_found_with_it(drives: list[Run]) -> None:
     car, effects, _ = identify_double_track(off, VehicleParameters(), ("gyro_bias", "sideslip_bias"), near)
     assert effects.gyro_bias == pytest.approx(0.02, abs=0.004)
     assert effects.sideslip_bias == pytest.approx(-0.03, abs=0.004)
-    errors_of = [
-        forecast_error(double_track_errors(off, one.constants(), q)) for one, q in ((car, effects), (plain, none))
-    ]
+    errors_of = [forecast_error(errors(off, one.constants(), q)) for one, q in ((car, effects), (plain, none))]
     assert errors_of[0] < 0.5 * errors_of[1]
-
-
-def test_the_unknowns_move_what_they_are_named_for() -> None:
-    first = nearest_double_track(VehicleParameters()).constants()
-    nothing = dict.fromkeys((*EFFECTS, *OWN), 0.0)
-    same, none = _car(first, nothing)
-    assert none == Effects()
-    np.testing.assert_allclose(flattened(same), flattened(first), rtol=1e-12)
-    for name, one in OWN.items():
-        unknown = _unknown(name, first)
-        assert (unknown.low <= 0.0 <= unknown.high, unknown.prior) == (True, 1.0)
-        car, _ = _car(first, nothing | {name: 0.5})
-        changed = {field for field in car._fields if getattr(car, field) != getattr(same, field)}
-        expected = {"roll_stiffness": {"front_roll_stiffness", "rear_roll_stiffness"},
-                    "front_roll_share": {"front_roll_stiffness", "rear_roll_stiffness"}}.get(name)  # fmt: skip
-        assert changed == (expected or ({name} if name in car._fields else {"front_tire", "rear_tire"})), name
-        if name in car._fields:
-            before, after = getattr(first, name), getattr(car, name)
-            assert after == pytest.approx(before * np.exp(0.5 * one.deviation) if one.relative
-                                          else before + 0.5 * one.deviation)  # fmt: skip
-
-
-def test_wheels_are_never_heavier_than_the_axle_that_they_are_a_part_of() -> None:
-    first = nearest_double_track(VehicleParameters()).constants()
-    heavy = {"wheel_inertia": 4.0, "drivetrain_inertia_error": -0.7}
-    car, _ = _car(first, dict.fromkeys((*EFFECTS, *OWN), 0.0) | heavy)
-    assert 2.0 * car.wheel_inertia < 0.3 * first.rear_axle_inertia

@@ -1,16 +1,16 @@
 """The vehicle that an answer corrects."""
 
 from drift_drake.car.effects.magnitudes import Effects, combined, make_effects
-from drift_drake.car.parameters import RELATIVE, VehicleParameters
+from drift_drake.car.parameters import RELATIVE, SomeCar
 from drift_drake.gap.diagnosis.answers.answer import Answer
 
 
 def corrected_vehicle(
-    vehicle: VehicleParameters,
+    vehicle: SomeCar,
     answer: Answer,
     tolerances: bool = True,
     own: Effects = Effects(),
-) -> tuple[VehicleParameters, Effects]:
+) -> tuple[SomeCar, Effects]:
     """The vehicle with the answer's causes added, and what comes along with them (`details["with"]`).
 
     Args:
@@ -20,13 +20,13 @@ def corrected_vehicle(
     magnitudes = {name: answer.magnitudes[name].estimate for name in answer.causes}
     for name, value in answer.details.get("with", {}).items() if answer.causes else ():
         magnitudes[name] = magnitudes.get(name, 0.0) + float(value)
-    if tolerances:
-        n, t = answer.tolerances, vehicle.tolerance
-        changes = {name: getattr(vehicle, name) * (1.0 + n.get(name, 0.0) * getattr(t, name)) for name in RELATIVE}
+    if tolerances and answer.tolerances:
+        car, n, t = vehicle.single_track(), answer.tolerances, vehicle.tolerance
+        changes = {name: getattr(car, name) * (1.0 + n.get(name, 0.0) * getattr(t, name)) for name in RELATIVE}
         shift = n.get("front_axle_distance", 0.0) * t.front_axle_distance
-        changes["front_axle_distance"] = vehicle.front_axle_distance + shift
-        changes["rear_axle_distance"] = vehicle.rear_axle_distance - shift
-        changes["gear_ratio"] = vehicle.gear_ratio * (1.0 + n.get("torque", 0.0) * t.torque)
+        changes["front_axle_distance"] = car.front_axle_distance + shift
+        changes["rear_axle_distance"] = car.rear_axle_distance - shift
+        changes["gear_ratio"] = car.gear_ratio * (1.0 + n.get("torque", 0.0) * t.torque)
         offset = n.get("steering_offset", 0.0) * t.steering_offset
         if offset != 0.0:
             magnitudes["steering_offset"] = magnitudes.get("steering_offset", 0.0) + offset

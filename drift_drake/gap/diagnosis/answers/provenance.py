@@ -10,7 +10,7 @@ from typing import Any
 
 from drift_drake.car.effects.magnitudes import Effects
 from drift_drake.car.log.table import import_report_path, run_paths
-from drift_drake.car.parameters import VehicleParameters
+from drift_drake.car.parameters import CarParameters
 from drift_drake.car.vehicle_file import vehicle_hash
 from drift_drake.common.run_folder import plain
 from drift_drake.gap.diagnosis.answers.answer import Answer, InvalidAnswerError, read_answer
@@ -19,7 +19,7 @@ KEY = "provenance"  # of an answer's details
 INPUTS = ("version", "vehicle_sha256", "logs_sha256", "options_sha256")  # that the same answer follows from
 
 
-def provenance(folder: str | Path, vehicle: VehicleParameters, options: Mapping[str, Any]) -> dict[str, Any]:
+def provenance(folder: str | Path, vehicle: CarParameters, options: Mapping[str, Any]) -> dict[str, Any]:
     """What identifies a diagnosis of a case folder, as plain data; `options` are those of `diagnose`."""
     folder, own = Path(folder), options.get("own", Effects())
     others = {name: value for name, value in options.items() if name not in ("own", "progress")}
@@ -59,7 +59,7 @@ def answered(path: Path, wanted: Mapping[str, Any]) -> Answer | None:
 
 
 def all_answered(
-    answers: Mapping[Path, Path], vehicle: VehicleParameters, options: Mapping[str, Any]
+    answers: Mapping[Path, Path], vehicle: CarParameters, options: Mapping[str, Any]
 ) -> dict[Path, Answer]:
     """Of case folders and the files of their answers, the answers that are found already.
 
@@ -71,7 +71,7 @@ def all_answered(
     return {folder: answer for folder, answer in found.items() if answer is not None}
 
 
-def check_diagnosed(answer: Answer, vehicle: VehicleParameters, own: Effects, source: str | Path) -> str | None:
+def check_diagnosed(answer: Answer, vehicle: CarParameters, own: Effects, source: str | Path) -> str | None:
     """Sees that an answer was found with this vehicle file.
 
     Returns:

@@ -47,8 +47,9 @@ class At:
 def changed_car(search: Search, h: Hypothesis, q: np.ndarray | None = None) -> Search:
     """The search from the car with a hypothesis in it; q: magnitudes of its causes, if not its own."""
     effects, day, normal = h.effects(search.day, q), search.day, search.normal
+    of_kind = day.jacobian[..., day.jacobian.shape[-1] - len(normal.of_kind) :]
     return search.on(make_day(day.runs, day.constants, added(day.own, effects), normal.names, normal.units, normal,
-                              search.threads))  # fmt: skip
+                              search.threads, of_kind))  # fmt: skip
 
 
 def judged(search: Search, hypotheses: Sequence[Hypothesis]) -> list[Hypothesis]:

@@ -14,7 +14,7 @@ import numpy as np
 from drift_drake.car.effects.catalogue import CATALOGUE
 from drift_drake.car.effects.magnitudes import Effects
 from drift_drake.car.log.table import InvalidLogError, Run
-from drift_drake.car.parameters import VehicleParameters
+from drift_drake.car.parameters import CarParameters
 from drift_drake.common.standard_output import Progress
 from drift_drake.gap.diagnosis.answers.answer import Answer
 from drift_drake.gap.diagnosis.calibrated.changed_car import judged, left_in, reduction, stated, where
@@ -66,7 +66,7 @@ class DayDiagnosis:
 
 
 def diagnose_day(
-    runs: Sequence[Run], vehicle: VehicleParameters, normal: Normal,
+    runs: Sequence[Run], vehicle: CarParameters, normal: Normal,
     own: Effects = Effects(),
     case: str = "case", workers: int = 2, progress: Progress | None = None, constants: PosteriorConstants | None = None,
     catalogue: Sequence[str] = tuple(CATALOGUE), false_alarms: float = FALSE_ALARMS,
@@ -85,7 +85,7 @@ def diagnose_day(
     began = time.perf_counter()
     tell = progress or (lambda _stage, _share: None)
     constants = constants or PRIORS
-    runs, doubts, warnings = admit(runs, vehicle)
+    runs, doubts, warnings = admit(runs, vehicle.single_track())
     names, more = seen_effects(runs, [name for name in normal.names if name in catalogue])
     tell("errors and their derivatives", 0.0)
     search = search_of(runs, vehicle, normal, own, names, case, workers)
@@ -205,7 +205,7 @@ def details_of(
 
 
 def search_of(
-    runs: Sequence[Run], vehicle: VehicleParameters, normal: Normal, own: Effects, names: Sequence[str], case: str,
+    runs: Sequence[Run], vehicle: CarParameters, normal: Normal, own: Effects, names: Sequence[str], case: str,
     workers: int,
 ) -> Search:  # fmt: skip
     """The search for causes in usable runs of one day, among the effects of these names.
@@ -225,7 +225,7 @@ def search_of(
         )
     day = make_day(thinned(windows, MOST_WINDOWS), vehicle.constants(), own, normal.names, normal.units, normal,
                    workers)  # fmt: skip
-    return Search(day, normal, vehicle, names, workers)
+    return Search(day, normal, vehicle.single_track(), names, workers)
 
 
 def ranked_hypotheses(

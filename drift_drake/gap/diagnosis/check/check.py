@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from drift_drake.car.effects.catalogue import CATALOGUE
-from drift_drake.car.effects.given import Vehicle, vehicle_given
+from drift_drake.car.given_vehicle import Vehicle, single_track_of, vehicle_given
 from drift_drake.car.log.given import GivenLogs, Logs, logs_given
 from drift_drake.common.errors import InvalidOptionError
 from drift_drake.gap.logs.screening.consistency import consistency_of
@@ -64,7 +64,8 @@ def check(
     given = logs_given(logs)
     once, repeated = without_repeated(given.runs)
     clean, bad = screened(once)
-    agrees = consistency_of([one.run for one in clean], None if vehicle is None else vehicle_given(vehicle).parameters)
+    car = None if vehicle is None else vehicle_given(vehicle).parameters.single_track()
+    agrees = consistency_of([one.run for one in clean], car)
     remarks = [*(doubt.sentence for doubt in agrees.doubts), *repeated, *bad]
     checked = Checked(given.case, quality(once, clean), remarks, unchecked=agrees.unchecked)
     return checked if vehicle is None else _with_vehicle(checked, given, vehicle, calibration, for_calibration, workers)
@@ -81,7 +82,8 @@ def _with_vehicle(
     from drift_drake.gap.evidence.where import region_names, region_of
     from drift_drake.gap.identification.calibration import CarTrust
 
-    vehicle, own, tolerances = vehicle_given(car)
+    whole, own, tolerances = vehicle_given(car)
+    vehicle = whole.single_track()
     kept, doubts, warnings = admit(given.runs, vehicle)
     told = {doubt.sentence for doubt in doubts if doubt.column is not None}  # by what is asked of the columns already
     warnings = [warning for warning in warnings if warning not in told]
@@ -96,11 +98,11 @@ def _with_vehicle(
     if asked:
         from drift_drake.gap.diagnosis.check.for_calibration import for_calibration
 
-        return dataclasses.replace(checked, for_calibration=for_calibration(kept, vehicle, own, tolerances))
+        return dataclasses.replace(checked, for_calibration=for_calibration(kept, whole, own, tolerances))
     unit = CarTrust(1.0, 1.0, 1.0, None)
     trust = unit if calibration is None else trust_given(calibration, tuple(CATALOGUE))
     if trust.normal is not None:
-        detection, more = limits_by_prediction(kept, vehicle, trust.normal, own, checked.case, workers)
+        detection, more = limits_by_prediction(kept, whole, trust.normal, own, checked.case, workers)
     else:
-        detection, more = limits_by_filter(kept, vehicle, own, given.noise, trust.options())
+        detection, more = limits_by_filter(kept, single_track_of(whole), own, given.noise, trust.options())
     return dataclasses.replace(checked, remarks=list(dict.fromkeys([*remarks, *more])), detection=detection)

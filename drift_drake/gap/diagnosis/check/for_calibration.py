@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from drift_drake.car.effects.catalogue import CATALOGUE, shown_by
 from drift_drake.car.effects.magnitudes import Effects
 from drift_drake.car.log.table import Run
-from drift_drake.car.parameters import VehicleParameters
+from drift_drake.car.parameters import CarParameters
 from drift_drake.common.errors import significant
 from drift_drake.gap.identification.driving import Driving, Missing, driving_of
 from drift_drake.gap.identification.forecast import forecast
@@ -35,14 +35,14 @@ class ForCalibration:
 
 
 def for_calibration(
-    runs: Sequence[Run], vehicle: VehicleParameters, effects: Effects, stated: frozenset[str]
+    runs: Sequence[Run], vehicle: CarParameters, effects: Effects, stated: frozenset[str]
 ) -> ForCalibration:
     """Whether usable runs are good enough to calibrate a car on.
 
     Args:
         vehicle, effects: the first guess; stated: tolerances that its file states.
     """
-    driving = driving_of(runs, vehicle)
+    driving = driving_of(runs, vehicle.single_track())
     missing = driving.missing()
     disagreed, found, remarks = dict[str, str](), Outlook(), list[str]()
     if any(run.beta is None for run in runs):

@@ -7,7 +7,7 @@ from typing import Any
 from drift_drake.car.effects.catalogue import CATALOGUE
 from drift_drake.car.effects.magnitudes import Effects
 from drift_drake.car.log.table import Run
-from drift_drake.car.parameters import VehicleParameters
+from drift_drake.car.parameters import CarParameters, VehicleParameters
 from drift_drake.gap.diagnosis.calibrated.diagnose_day import search_of
 from drift_drake.gap.diagnosis.calibrated.posterior import detection_limits
 from drift_drake.gap.diagnosis.likelihood.isolability import isolability
@@ -21,7 +21,7 @@ Limits = dict[str, dict[str, Any]]  # by effect, as in an answer's `details.dete
 
 
 def limits_by_prediction(
-    runs: Sequence[Run], vehicle: VehicleParameters, normal: Normal, own: Effects, case: str, workers: int
+    runs: Sequence[Run], vehicle: CarParameters, normal: Normal, own: Effects, case: str, workers: int
 ) -> tuple[Limits, list[str]]:
     """Of a car that was calibrated by prediction, beside what is normal for it; and sentences on what is missing.
 

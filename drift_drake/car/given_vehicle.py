@@ -4,18 +4,23 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import NamedTuple
 
+from drift_drake.car.double_track.car_file import read_car
+from drift_drake.car.double_track.parameters import DoubleTrackParameters
 from drift_drake.car.effects.magnitudes import Effects
-from drift_drake.car.parameters import InvalidVehicleError, VehicleParameters
-from drift_drake.car.vehicle_file import effects_of, read_vehicle, stated_tolerances
+from drift_drake.car.parameters import CarParameters, InvalidVehicleError, VehicleParameters
+from drift_drake.car.vehicle_file import effects_of, stated_tolerances
 
 GivenEffects = Effects | Mapping[str, float]
-Vehicle = str | Path | VehicleParameters | tuple[VehicleParameters, GivenEffects]
+Vehicle = str | Path | CarParameters | tuple[CarParameters, GivenEffects]
+
+
+CARS = (VehicleParameters, DoubleTrackParameters)
 
 
 class GivenVehicle(NamedTuple):
     """Parameters, effects, and the names of those tolerances that the vehicle file states."""
 
-    parameters: VehicleParameters
+    parameters: CarParameters
     effects: Effects
     tolerances: frozenset[str] = frozenset()
 
@@ -27,15 +32,29 @@ def vehicle_given(vehicle: Vehicle) -> GivenVehicle:
         InvalidVehicleError: the file cannot be used, or what was given is no vehicle.
     """
     if isinstance(vehicle, str | Path):
-        return GivenVehicle(*read_vehicle(vehicle), stated_tolerances(vehicle))
-    if isinstance(vehicle, VehicleParameters):
+        return GivenVehicle(*read_car(vehicle), stated_tolerances(vehicle))
+    if isinstance(vehicle, CARS):
         return GivenVehicle(vehicle, Effects())
-    if isinstance(vehicle, tuple) and len(vehicle) == 2 and isinstance(vehicle[0], VehicleParameters):
+    if isinstance(vehicle, tuple) and len(vehicle) == 2 and isinstance(vehicle[0], CARS):
         return GivenVehicle(vehicle[0], effects_given(vehicle[1]))
     raise InvalidVehicleError(
-        f"vehicle: {type(vehicle).__name__} is none; give a vehicle file's path, VehicleParameters, or both parameters "
-        "and effects"
+        f"vehicle: {type(vehicle).__name__} is none; give a vehicle file's path, VehicleParameters, "
+        "DoubleTrackParameters, or both parameters and effects"
     )
+
+
+def single_track_of(car: CarParameters) -> VehicleParameters:
+    """The car where only a single-track one will do.
+
+    Raises:
+        InvalidVehicleError: it is another.
+    """
+    if not isinstance(car, VehicleParameters):
+        raise InvalidVehicleError(
+            "the vehicle is a double-track car, of which this asks too much; calibrate it by prediction ('drift-drake "
+            "identify --car double-track --json CAR.json') and give --calibration CAR.json, or give a single-track one"
+        )
+    return car
 
 
 def effects_given(effects: GivenEffects | None, source: str = "effects") -> Effects:

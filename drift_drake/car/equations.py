@@ -1,0 +1,75 @@
+"""One door to the equations of every kind of car, for compiled code that is written once: `gap.estimation.windows`.
+
+A state z holds r [rad/s], v [m/s], beta [rad], omega_r [m/s], psi [rad], then the car's internal states. Commands are
+those that reach the car: what actuators make of them is worked out ahead. Which car it is says the type of its numbers,
+when code is compiled: a module `equations` of each kind has the functions below.
+"""
+
+from collections.abc import Callable
+from types import ModuleType
+from typing import Any
+
+from numba.extending import overload
+
+from drift_drake.car.double_track import equations as double_track
+from drift_drake.car.double_track.parameters import DoubleTrackConstants
+from drift_drake.car.effects.magnitudes import Effects
+from drift_drake.car.parameters import Constants
+from drift_drake.car.single_track import equations as single_track
+
+CarConstants = Constants | DoubleTrackConstants
+
+EQUATIONS: dict[type, ModuleType] = {Constants: single_track, DoubleTrackConstants: double_track}
+"""By the record of a car's numbers."""
+
+
+def kind_of(constants: CarConstants) -> ModuleType:
+    """The module of a car's equations; `LACKS`: effects that mean nothing on it."""
+    return EQUATIONS[type(constants)]
+
+
+def folded_into(constants: CarConstants, effects: Effects) -> tuple[Any, Effects]:
+    """A car's numbers with the effects that change them put into them, and the effects that are left."""
+    kind = kind_of(constants)
+    return kind.changed_constants(constants, effects), effects._replace(**dict.fromkeys(kind.FOLDED, 0.0))
+
+
+def size_of(constants: CarConstants) -> int:
+    """How many states z of this car has."""
+    return int(EQUATIONS[type(constants)].SIZE)
+
+
+def settle(z: Any, delta: Any, torque: Any, constants: Any, effects: Any) -> None:
+    """Writes the internal states of a car that has long driven so."""
+    EQUATIONS[type(constants)].settle(z, delta, torque, constants, effects)
+
+
+def rates(z: Any, command: Any, car: Any, out: Any) -> None:
+    """Writes the states' rates; command: (delta, torque); car: (constants, effects, further force (F_x, F_y) [N] and
+    yaw moment [N m] on the body)."""
+    EQUATIONS[type(car[0])].rates(z, command, car, out)
+
+
+def fastest(z: Any, constants: Any, effects: Any) -> Any:
+    """Rate [1/s] of the fastest motion, which sets an integration's steps."""
+    return EQUATIONS[type(constants)].fastest(z, constants, effects)
+
+
+def decays(z: Any, constants: Any, effects: Any, out: Any) -> None:
+    """Writes the rates [1/s] at which internal states return to what the motion asks of them, where they are so fast
+    that a step has to be implicit in them; others are left."""
+    EQUATIONS[type(constants)].decays(z, constants, effects, out)
+
+
+def _compiled_by_car(function: Callable[..., Any], constants_of: Callable[..., Any]) -> None:
+    """Has compiled code take a function from the module of the car whose numbers it is given."""
+
+    @overload(function, strict=False, jit_options={"forceinline": True})
+    def choose(*arguments):  # type: ignore[no-untyped-def]
+        return getattr(EQUATIONS[constants_of(*arguments).instance_class], function.__name__)
+
+
+_compiled_by_car(settle, lambda _z, _delta, _torque, constants, _effects: constants)
+_compiled_by_car(rates, lambda _z, _command, car, _out: car[0])
+_compiled_by_car(fastest, lambda _z, constants, _effects: constants)
+_compiled_by_car(decays, lambda _z, constants, _effects, _out: constants)

@@ -46,6 +46,12 @@ def test_an_own_controller_drives() -> None:
     assert example("own_controller").main(time_factor=0.01) == "time is up"
 
 
+def test_an_own_diagram_holds_course_and_speed() -> None:
+    r, v, *_ = example("own_diagram").main()
+    assert abs(r) < 0.05
+    assert abs(v - 15.0) < 1.0
+
+
 def test_an_own_tyre_has_a_curve_of_its_own() -> None:
     smooth, brush = example("own_tyre").main()
     assert (smooth[1:] != brush[1:]).all()

@@ -42,8 +42,25 @@ def test_an_own_effect_pushes() -> None:
     assert example("own_effect").main() == (0.0, 800.0, 240.0)
 
 
+def test_an_own_effect_has_a_state_or_is_a_delay() -> None:
+    found = example("own_effect_with_state")
+    assert found.main() == 0.0
+    assert found.build_up(*[0.0] * 5, 100.0, None, 0.25, 0.0) == 400.0
+    assert (found.TURBO_LAG.stage, found.ENGINE_BUS.delays) == ("actuator", "tau_cmd")
+
+
+def test_one_system_runs_alone() -> None:
+    refused, yaw_rate = example("one_system").main()
+    assert refused == 1.0
+    assert yaw_rate > 0.05
+
+
 def test_an_own_controller_drives() -> None:
     assert example("own_controller").main(time_factor=0.01) == "time is up"
+
+
+def test_an_own_controller_has_states() -> None:
+    assert example("own_controller_with_state").main() == "completed"
 
 
 def test_an_own_diagram_holds_course_and_speed() -> None:

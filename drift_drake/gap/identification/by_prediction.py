@@ -130,7 +130,7 @@ def fit_by_prediction(
     if len(kept) < len(chosen):
         at = [fit.names.index(u.name) for u in kept]
         fit = fitted_to(thinned(runs, MOST_WINDOWS), kept, fit.theta[at])
-    progress("what is normal", 0.85)
+    progress("baseline residuals", 0.85)
     car, rest = folded(vehicle, added(effects, magnitudes(fit.names, fit.theta)))
     steps = units(seen, vehicle)
     prior = np.array([prior_of(name, vehicle, stated) for name in seen]) / steps

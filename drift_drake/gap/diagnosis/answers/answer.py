@@ -69,7 +69,7 @@ class Answer:
             )
         least = self.details.get("at_least", [])
         parts = [_stated(name, self.magnitudes[name], name in least) for name in self.causes]
-        too = ["something else that the catalogue lacks"] if self.details.get("left_over") else []
+        too = ["an additional fault that the catalogue lacks"] if self.details.get("left_over") else []
         probability = self.posterior["+".join(sorted(self.causes))]
         remove = f"{'it removes' if len(parts) == 1 else 'they remove'} {_removed(self.reduction.estimate)}"
         said = f"{' and '.join(parts + too)}, probability {probability:.2f}"
@@ -90,7 +90,7 @@ class Answer:
         leading = "+".join(sorted(self.causes)) or self.verdict
         named = [name for name, p in self.posterior.items() if p >= NAMED and name != leading]
         too = f"{leading}+unknown"
-        more_too = f" Something else may be there too ({self.posterior[too]:.2f})." if too in named else ""
+        more_too = f" An additional fault may be there too ({self.posterior[too]:.2f})." if too in named else ""
         others = [name for name in named if name != too]
         if not others:
             return more_too
@@ -118,7 +118,7 @@ class Answer:
             return f"no gap beyond the car's calibrated baseline {sure[:-1]}{of})"
         worth = self.details.get("row_weight", 1.0)
         if worth < 1.0:
-            beyond = f"the car's persistent model mismatch, at a row weight of {worth:.2g} {sure}"
+            beyond = f"the car's model discrepancy, at a likelihood tempering exponent of {worth:.2g} {sure}"
             return f"no gap beyond the vehicle file's tolerances and {beyond}"
         return "no gap beyond the vehicle file's tolerances and the sensors' noise"
 
@@ -172,7 +172,7 @@ def in_words(name: str) -> str:
     """A hypothesis' name as a sentence has it."""
     causes = name.split("+")
     if len(causes) > 1 and causes[-1] == "unknown":
-        return f"{' and '.join(causes[:-1])} with something else"
+        return f"{' and '.join(causes[:-1])} with an additional fault"
     return " and ".join(causes)
 
 

@@ -24,7 +24,7 @@ help:
 	@echo "make fuzz       malformed inputs of every kind (FUZZ_CASES=10000)"
 	@echo "make docs       the documentation, into build/site"
 	@echo "make pictures   the documentation's picture of the closed loop, docs/closed_loop.png"
-	@echo "make lint       linters and type checker alone"
+	@echo "make lint       linters of code, spelling and prose, and the type checker, alone"
 	@echo "make format     rewrite the sources in the house's format"
 	@echo "make clean      remove the virtual environment and all caches"
 
@@ -72,9 +72,14 @@ docs: .venv/installed-all
 pictures: .venv/installed-all
 	$(BIN)/python -m diagrams.docs_picture
 
+# Pages that are written for readers; the results by date stay as they were written.
+PROSE := README.md CONTRIBUTING.md CHANGELOG.md docs/*.md docs/how_to/*.md
+
 lint: .venv/installed-all
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
+	$(BIN)/codespell drift_drake tests experiments examples diagrams docs $(PROSE)
+	$(BIN)/proselint --config .proselintrc.json check $(PROSE)
 	$(BIN)/mypy
 
 format: .venv/installed-all

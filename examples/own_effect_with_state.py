@@ -6,17 +6,19 @@ from drift_drake import Effect
 from drift_drake.car.scalar import maximum, minimum, select
 
 
-def boosted(delta: Any, tau: Any, v: Any, magnitude: Any, state: Any) -> Any:  # noqa: ARG001
+def boosted(delta: Any, tau: Any, v: Any, magnitude: Any, state: Any) -> Any:
     """Torque rises with a lag, and falls at once; tau itself where there is no lag."""
     return delta, select(0.0, magnitude, minimum(tau, state), tau)
 
 
-def build_up(r: Any, v: Any, beta: Any, omega_r: Any, delta: Any, tau: Any, car: Any, magnitude: Any, state: Any) -> Any:  # noqa: ARG001, E501
+def build_up(
+    r: Any, v: Any, beta: Any, omega_r: Any, delta: Any, tau: Any, car: Any, magnitude: Any, state: Any
+) -> Any:
     """Time derivative of the state; every hypothesis integrates it: finite and stable at zero, too."""
     return (tau - state) / maximum(magnitude, 0.02)
 
 
-def boost(r: Any, v: Any, beta: Any, omega_r: Any, delta: Any, tau: Any, car: Any, magnitude: Any) -> Any:  # noqa: ARG001
+def boost(r: Any, v: Any, beta: Any, omega_r: Any, delta: Any, tau: Any, car: Any, magnitude: Any) -> Any:
     """The state of a car that has been driven so for long."""
     return tau
 

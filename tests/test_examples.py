@@ -50,8 +50,8 @@ def test_an_own_effect_has_a_state_or_is_a_delay() -> None:
 
 
 def test_one_system_runs_alone() -> None:
-    refused, yaw_rate = example("one_system").main()
-    assert refused == 1.0
+    refused, yaw_rate, samples = example("one_system").main()
+    assert (refused, samples) == (1.0, 1.0)
     assert yaw_rate > 0.05
 
 

@@ -11,8 +11,8 @@ FOLDER = "results_by_date"  # on the site
 
 
 def on_files(files: Files, config: Any) -> Files:
-    """Adds the pages of this folder."""
-    for path in sorted(HERE.glob("*.md")):
+    """Adds the pages of this folder, and their pictures."""
+    for path in sorted([*HERE.glob("*.md"), *HERE.glob("*.png")]):
         files.append(File.generated(config, f"{FOLDER}/{path.name}", abs_src_path=str(path)))
     return files
 

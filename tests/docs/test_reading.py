@@ -54,7 +54,8 @@ def test_messages_reports_and_help_have_the_fields_words() -> None:
 
 
 def test_sentences_are_found_in_paragraphs_and_lists_alone() -> None:
-    text = "# A title\n\nOne idea. Another: of\nfour words!\n\n- An item.\n- [A link](to.md) too\n\n| a | table |\n\n```\ncode here\n```\n"
+    prose = "# A title\n\nOne idea. Another: of\nfour words!\n\n- An item.\n- [A link](to.md) too\n\n"
+    text = prose + "| a | table |\n\n```\ncode here\n```\n"
     assert sentences(text) == ["One idea.", "Another: of four words!", "- An item.", "- A link too"]
 
 

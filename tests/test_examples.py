@@ -7,6 +7,7 @@ from types import ModuleType
 import numpy as np
 import pytest
 
+from drift_drake import VehicleParameters
 from drift_drake.gap.next_drive.plan import NextDriveConfig
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
@@ -50,9 +51,12 @@ def test_an_own_effect_has_a_state_or_is_a_delay() -> None:
 
 
 def test_one_system_runs_alone() -> None:
-    refused, yaw_rate, samples = example("one_system").main()
-    assert (refused, samples) == (1.0, 1.0)
-    assert yaw_rate > 0.05
+    found, car = example("one_system"), VehicleParameters()
+    assert found.refused_plans(car) == 1.0
+    assert found.turned(car) > 0.05
+    samples, moved = example("one_adapter").main()
+    assert samples == 1.0
+    assert moved > 0.0
 
 
 def test_an_own_controller_drives() -> None:

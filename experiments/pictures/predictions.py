@@ -1,4 +1,4 @@
-"""Predictions half a second ahead before and after learning: the learnt model on a log of a car that it does not know."""
+"""Predictions half a second ahead before and after learning: the learnt model on an unknown car's log."""
 
 import dataclasses
 

@@ -76,10 +76,10 @@ def draw_path(axes: Any) -> Array:
 def draw_car(axes: Any, at: Array, shape: CarShape) -> None:
     """Body and wheels from above."""
     for outline, colour, order in ((shape.body(), "#F7F7F5", 2), (shape.cabin(), "#E4E6E8", 3)):
-        axes.add_patch(Polygon(placed(outline * SCALE, *at, HEADING), facecolor=colour, edgecolor=REFERENCE,
+        axes.add_patch(Polygon(placed(outline * SCALE, at[0], at[1], HEADING), facecolor=colour, edgecolor=REFERENCE,
                                linewidth=1.2, zorder=order))  # fmt: skip
     for i, wheel in enumerate(shape.wheels(STEERING)):
-        axes.add_patch(Polygon(placed(wheel * SCALE, *at, HEADING), facecolor=ORANGE if i < 2 else GREEN,
+        axes.add_patch(Polygon(placed(wheel * SCALE, at[0], at[1], HEADING), facecolor=ORANGE if i < 2 else GREEN,
                                edgecolor=INK, linewidth=0.8, zorder=4))  # fmt: skip
 
 

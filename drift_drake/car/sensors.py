@@ -118,6 +118,10 @@ class NoiseLevels:
 
     Raises:
         ValueError: a level that is negative or not finite.
+
+    Examples:
+        >>> Car(car, noise=NoiseLevels(r=0.01)).sensors.num_output_ports()
+        ?
     """
 
     r: float = 0.002  # [rad/s]

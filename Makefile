@@ -24,7 +24,7 @@ help:
 	@echo "make fuzz       malformed inputs of every kind (FUZZ_CASES=10000)"
 	@echo "make docs       the documentation, into build/site"
 	@echo "make docs-version  the documentation of the newest tag's version, beside those before, onto the branch gh-pages"
-	@echo "make pictures   the documentation's picture of the closed loop, docs/closed_loop.png"
+	@echo "make pictures   the documentation's drawings, and its animation of a diagnosis"
 	@echo "make lint       linters and type checker alone"
 	@echo "make format     rewrite the sources in the house's format"
 	@echo "make clean      remove the virtual environment and all caches"
@@ -78,8 +78,12 @@ docs-version: .venv/installed-all
 	$(BIN)/mike deploy --update-aliases $(VERSION) latest
 	$(BIN)/mike set-default latest
 
+PICTURES := car_frames diagnosis drive_time_series effects_map gap predictions two_criteria
+
 pictures: .venv/installed-all
 	$(BIN)/python -m diagrams.docs_picture
+	$(BIN)/python -m experiments.structure --out docs/structure.png
+	for name in $(PICTURES); do $(BIN)/python -m experiments.pictures $$name || exit 1; done
 
 lint: .venv/installed-all
 	$(BIN)/ruff check .

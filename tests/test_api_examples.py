@@ -26,7 +26,8 @@ PLACES = {
 ANSWER = {
     "case": "monday", "verdict": "effect", "causes": ["steering_lag"], "seconds": 1.0,
     "posterior": {"steering_lag": 1.0}, "ambiguity": ["steering_lag"],
-    "magnitudes": {"steering_lag": {"estimate": 0.1, "low": 0.09, "high": 0.11}}, "where": {}, "reduction": {"estimate": 0.9, "low": 0.8, "high": 1.0},
+    "magnitudes": {"steering_lag": {"estimate": 0.1, "low": 0.09, "high": 0.11}}, "where": {},
+    "reduction": {"estimate": 0.9, "low": 0.8, "high": 1.0},
 }  # fmt: skip
 
 

@@ -120,8 +120,7 @@ class NoiseLevels:
         ValueError: a level that is negative or not finite.
 
     Examples:
-        >>> Car(car, noise=NoiseLevels(r=0.01)).sensors.num_output_ports()
-        ?
+        >>> noisy = Car(car, noise=NoiseLevels(r=0.01))
     """
 
     r: float = 0.002  # [rad/s]

@@ -145,7 +145,7 @@ def read_vehicle(path: str | Path) -> tuple[VehicleParameters, Effects]:
     Examples:
         >>> car, effects = read_vehicle("car.yaml")
         >>> car.mass
-        ?
+        1650.0
     """
     data: Any = vehicle_data(path)
     if isinstance(data, dict) and DOUBLE_TRACK in data:

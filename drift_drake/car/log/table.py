@@ -55,7 +55,7 @@ class Run:
     Examples:
         >>> run = Run("still", t=0.01 * np.arange(100), r=np.zeros(100), v=np.ones(100), delta_cmd=np.zeros(100))
         >>> run.period
-        ?
+        0.01
     """
 
     name: str
@@ -118,7 +118,7 @@ def read_run(path: str | Path) -> Run:
 
     Examples:
         >>> len(read_run("logs/monday/run_0.csv"))
-        ?
+        401
     """
     path = Path(path)
     columns = read_columns(path)

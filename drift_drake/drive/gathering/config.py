@@ -121,7 +121,7 @@ class GatheringConfig(LaneDrive):
     """A lane drive that is worth learning from.
 
     Examples:
-        >>> GatheringConfig(lane="track", duration=12.0).half_width
+        >>> GatheringConfig(steps=30).half_width
         3.0
     """
 

@@ -156,7 +156,7 @@ def samples_from_log(
 
     Examples:
         >>> samples_from_log(table, None, vehicle=0, drive=0).u.shape
-        ?
+        (40, 2)
     """
     commands = table[[f"{name}_cmd" for name in INPUTS]].to_numpy()
     lagged = lagged_commands(table["t"].to_numpy(), commands, lag)

@@ -72,7 +72,7 @@ class Reference:
 
     Examples:
         >>> reference.state(0.0).round(1).tolist()
-        ?
+        [0.0, 7.5, 0.0, 7.5, 0.0, 0.0]
     """
 
     path: Path
@@ -204,8 +204,8 @@ def straight_line(v_start: float, v_end: float, duration: float, half_width: flo
         half_width: [m] of the lane to either side.
 
     Examples:
-        >>> straight_line(7.5, 20.0, duration=4.5).path.length
-        ?
+        >>> straight_line(7.5, 20.0, duration=4.5).path.length  # [m]
+        61.875
     """
     return circle(v_start, v_end, duration, 0.0, half_width)
 
@@ -248,8 +248,8 @@ def figure_8(parameters: VehicleParameters, radius: float | None = None, sidesli
         NoTransitionError: the car cannot go from one drift to the other over the transition.
 
     Examples:
-        >>> round(figure_8(car).duration, 1)
-        ?
+        >>> round(figure_8(car).duration, 1)  # [s]
+        26.8
     """
     unit = similarity(parameters).length
     radius, transition = (
@@ -303,8 +303,8 @@ def loops(parameters: VehicleParameters, radius: float | None = None, sideslip: 
         NoTransitionError: the car cannot go from one state to the next over the distance.
 
     Examples:
-        >>> round(loops(car, count=2).duration, 1)
-        ?
+        >>> round(loops(car, count=2).duration, 1)  # [s]
+        16.7
     """
     units = similarity(parameters)
     radius = RADIUS * units.length if radius is None else radius

@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.patches import Arc, Polygon
+from matplotlib.patheffects import withStroke
 
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.common.arrays import Array
@@ -25,9 +26,9 @@ SYMBOLS = (  # below the drawing: symbol, what it is
     (r"$v,\ \beta$", "speed; sideslip from the body's x to it", BLUE),
     (r"$r$", "yaw rate, counter-clockwise", INK),
     (r"$\delta$", "angle of the front (road) wheels", ORANGE),
-    (r"$\omega_r$", "rear rim speed in m/s: radius × wheel's rad/s", GREEN),
+    (r"$\omega_r$", r"rear rim speed in m/s: radius $\times$ wheel's rad/s", GREEN),
     (r"$s,\ e$", "distance along the path; offset to its left", PINK),
-    (r"$\Delta\varphi$", r"course error dphi: $\psi + \beta$ − path's angle", PINK),
+    (r"$\Delta\varphi$", r"course error dphi: $\psi + \beta -$ path's angle", PINK),
 )
 
 
@@ -47,8 +48,9 @@ def angle_mark(axes: Any, at: Array, radius: float, start: float, end: float, co
                        color=colour, linewidth=1.8, zorder=6))  # fmt: skip
     near = end - 0.12 / radius
     arrow(axes, tuple(at + radius * unit(near)), tuple(at + radius * unit(end)), colour, 1.4)
-    axes.text(*(at + (radius + further) * unit(start + share * (end - start))), label, color=DARK.get(colour, INK), size=HEAD,
-              ha="center", va="center", zorder=7)  # fmt: skip
+    beyond = at + (radius + further) * unit(start + share * (end - start))
+    axes.text(*beyond, label, color=DARK.get(colour, INK), size=HEAD, ha="center", va="center", zorder=7,
+              path_effects=[withStroke(linewidth=3.5, foreground="#F7F7F5")])  # fmt: skip
 
 
 def labelled(axes: Any, at: Array, text: str, colour: str = INK, **look: Any) -> None:
@@ -66,18 +68,18 @@ def draw_path(axes: Any) -> Array:
     axes.plot(*curve.T, color=LANE, linewidth=34.0, zorder=0, solid_capstyle="butt")
     axes.plot(*curve.T, color=PINK, linewidth=1.6, linestyle=(0, (5, 3)), zorder=1)
     axes.plot(*POINT, "o", color=PINK, markersize=6)
-    labelled(axes, POINT + [0.28, -0.1], "$s$", PINK)
-    labelled(axes, curve[10] + [0.62, 0.0], "path", PINK, size=PLAIN)
+    labelled(axes, POINT + np.array([0.28, -0.1]), "$s$", PINK)
+    labelled(axes, curve[10] + np.array([0.62, 0.0]), "path", PINK, size=PLAIN)
     return unit(PATH_ANGLE + 0.5 * np.pi)
 
 
 def draw_car(axes: Any, at: Array, shape: CarShape) -> None:
     """Body and wheels from above."""
     for outline, colour, order in ((shape.body(), "#F7F7F5", 2), (shape.cabin(), "#E4E6E8", 3)):
-        axes.add_patch(Polygon(placed(outline * SCALE, *at, HEADING), facecolor=colour, edgecolor=REFERENCE,
+        axes.add_patch(Polygon(placed(outline * SCALE, at[0], at[1], HEADING), facecolor=colour, edgecolor=REFERENCE,
                                linewidth=1.2, zorder=order))  # fmt: skip
     for i, wheel in enumerate(shape.wheels(STEERING)):
-        axes.add_patch(Polygon(placed(wheel * SCALE, *at, HEADING), facecolor=ORANGE if i < 2 else GREEN,
+        axes.add_patch(Polygon(placed(wheel * SCALE, at[0], at[1], HEADING), facecolor=ORANGE if i < 2 else GREEN,
                                edgecolor=INK, linewidth=0.8, zorder=4))  # fmt: skip
 
 

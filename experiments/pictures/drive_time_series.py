@@ -11,9 +11,8 @@ from drift_drake.drive.learnt.quality import step_model
 from drift_drake.drive.loop.closed_loop import ClosedLoop
 from drift_drake.drive.loop.endings import RunLimits
 from drift_drake.drive.reference.trajectory import Reference, figure_8
-from drift_drake.view.style import BOUND, DEGREES, INK, KMH
+from drift_drake.view.style import BOUND, DEGREES, INK, KMH, TRANSITION, new_figure
 from experiments.pictures.look import BLUE, WIDTH, for_pages
-from drift_drake.view.style import TRANSITION, new_figure
 
 HEIGHT = 6.4  # [in]
 EFFECTS = {"friction_level": -0.05, "front_stiffness_error": 0.15, "steering_lag": 0.05}

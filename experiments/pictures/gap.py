@@ -61,8 +61,8 @@ def compared() -> tuple[Array, Array, list[Corrected]]:
 
 def titles(candidates: Sequence[Corrected]) -> list[str]:
     """Of the panels."""
-    shown = [f"with {c.name} {significant(c.magnitude, 2)}{CATALOGUE[c.name].suffix}\nremoves {100 * c.removed:.0f} % of the squared errors"
-             for c in candidates]  # fmt: skip
+    shown = [f"with {c.name} {significant(c.magnitude, 2)}{CATALOGUE[c.name].suffix}\n"
+             f"removes {100 * c.removed:.0f} % of the squared errors" for c in candidates]  # fmt: skip
     return ["the simulator as it is: there is a gap", *shown]
 
 
@@ -79,6 +79,6 @@ def draw() -> Figure:
         axes.plot(t, values * DEGREES, "o", color=colour, markersize=4)
         axes.set_title(title)
         axes.margins(x=0.02)
-    grid[1].set_ylabel("yaw rate: measured − predicted [deg/s]")
+    grid[1].set_ylabel("yaw rate: measured $-$ predicted [deg/s]")
     grid[-1].set_xlabel("time [s]")
     return figure

@@ -1,4 +1,4 @@
-"""Predictions half a second ahead before and after learning: the learnt model on a log of a car that it does not know."""
+"""Predictions half a second ahead before and after learning: the learnt model on an unknown car's log."""
 
 import dataclasses
 
@@ -47,7 +47,7 @@ def table(run: Run) -> pd.DataFrame:
     return pd.DataFrame({name: run.column(name) for name in COLUMNS}).assign(e=0.0, dphi=0.0, s=0.0)
 
 
-def ahead(model: BayesianModel, belief: Posterior, rows: pd.DataFrame) -> tuple[Array, Array]:
+def ahead(model: BayesianModel, belief: Posterior, rows: pd.DataFrame) -> tuple[np.ndarray, Array]:
     """Row numbers and states [n, 4] half a second after each start, every fifth of a second."""
     u = rows[["delta_cmd", "tau_cmd"]].to_numpy()
     states = rows[["r", "v", "beta", "omega_r", "e", "dphi"]].to_numpy()

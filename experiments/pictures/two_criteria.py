@@ -23,7 +23,7 @@ COLUMNS = (  # colour and the words of the boxes, from the top
     )),
     (ORANGE, (
         "Prediction",
-        "for a real car, which\nno equations follow\nexactly",
+        "for a real car, which\nfollows no equations\nexactly",
         "needs a baseline by\ndrift-drake identify",
         "judges errors of\npredictions half a\nsecond ahead",
         "compares with the\nbaseline's own errors",
@@ -41,7 +41,7 @@ def innovations(axes: Any, rng: np.random.Generator, colour: str) -> None:
 
 
 def distributions(axes: Any, _: np.random.Generator, colour: str) -> None:
-    """Of the errors of the baseline, and of another day."""
+    """Of errors: of the baseline, and of a day that changed from it."""
     at = np.linspace(-4.0, 6.0, 200)
     axes.fill_between(at, np.exp(-0.5 * at**2), color="#B9B9B5", linewidth=0.0)
     axes.plot(at, 0.8 * np.exp(-0.5 * ((at - 2.0) / 1.25) ** 2), color=colour)

@@ -34,7 +34,12 @@ class UnplannableError(DriftDrakeError, ValueError):
 
 @dataclasses.dataclass(frozen=True)
 class Answer:
-    """One case's answer. Beyond the contract's keys: tolerances, reduction by state and horizon, warnings."""
+    """One case's answer. Beyond the contract's keys: tolerances, reduction by state and horizon, warnings.
+
+    Examples:
+        >>> read_answer("answer.json").causes
+        ['steering_lag']
+    """
 
     case: str
     verdict: str  # effect, none or unknown
@@ -235,11 +240,14 @@ def read_answer(path: str | Path) -> Answer:
 
     Raises:
         InvalidAnswerError: unreadable, not JSON, or a key of the contract is missing or holds something else.
+
+    Examples:
+        >>> read_answer("answer.json").magnitudes["steering_lag"].estimate
+        0.1
     """
     remedy = "write it with 'drift-drake diagnose --json'"
-    data = parse_json(
-        read_text(path, InvalidAnswerError, "give the path of an answer"), InvalidAnswerError, str(path), remedy
-    )
+    text = read_text(path, InvalidAnswerError, "give the path of an answer")
+    data = parse_json(text, InvalidAnswerError, str(path), remedy)
     required = ("case", "verdict", "causes", "posterior", "ambiguity", "magnitudes", "where", "reduction", "seconds")
     missing = [key for key in required if not isinstance(data, dict) or key not in data]
     if missing:
@@ -272,19 +280,14 @@ def _answer(data: dict[str, Any]) -> Answer:
     tolerances = _entries("tolerances", data.get("tolerances", {}))
     warnings = data.get("warnings", [])
     return Answer(
-        case=_text("case", data["case"]),
-        verdict=verdict,
-        causes=causes,
-        posterior=posterior,
-        ambiguity=_names("ambiguity", data["ambiguity"]),
-        magnitudes=magnitudes,
-        where=_entries("where", data["where"]),
+        case=_text("case", data["case"]), verdict=verdict, causes=causes, posterior=posterior,
+        ambiguity=_names("ambiguity", data["ambiguity"]), magnitudes=magnitudes, where=_entries("where", data["where"]),
         reduction=_interval("reduction", data["reduction"], finite=verdict == "effect"),
         seconds=_number("seconds", data["seconds"]),
         tolerances={name: _number(f"tolerances.{name}", q) for name, q in tolerances.items()},
         details=_details(data.get("details", {})),
         warnings=[_text("warnings", text) for text in warnings] if isinstance(warnings, list) else [],
-    )
+    )  # fmt: skip
 
 
 def _details(details: Any) -> dict[str, Any]:

@@ -34,8 +34,7 @@ ENGINE_BUS = Effect(
 
 
 def main() -> float:
-    """Torque 0.25 s of lag after a step from 0 to 100 N m, as the state begins to rise [N m]."""
-    return float(boosted(0.0, 100.0, 20.0, 0.25, 0.0)[1])
+    return float(boosted(0.0, 100.0, 20.0, 0.25, 0.0)[1])  # [N m], as the state begins to rise
 
 
 if __name__ == "__main__":

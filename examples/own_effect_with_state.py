@@ -11,9 +11,7 @@ def boosted(delta: Any, tau: Any, v: Any, magnitude: Any, state: Any) -> Any:
     return delta, select(0.0, magnitude, minimum(tau, state), tau)
 
 
-def build_up(
-    r: Any, v: Any, beta: Any, omega_r: Any, delta: Any, tau: Any, car: Any, magnitude: Any, state: Any
-) -> Any:
+def rise(r: Any, v: Any, beta: Any, omega_r: Any, delta: Any, tau: Any, car: Any, magnitude: Any, state: Any) -> Any:
     """Time derivative of the state; every hypothesis integrates it: finite and stable at zero, too."""
     return (tau - state) / maximum(magnitude, 0.02)
 
@@ -23,9 +21,10 @@ def boost(r: Any, v: Any, beta: Any, omega_r: Any, delta: Any, tau: Any, car: An
     return tau
 
 
+WITH_STATE: Any = boosted  # the state is its last argument, since there is a rate
 TURBO_LAG = Effect(
     "s", 0.05, 0.5, "torque rises with a lag of q, and falls at once",
-    stage="actuator", needs=("tau_cmd",), actuation=boosted, rate=build_up, start=boost,
+    stage="actuator", needs=("tau_cmd",), actuation=WITH_STATE, rate=rise, start=boost,
 )  # fmt: skip
 ENGINE_BUS = Effect(
     "s", 0.02, 0.2, "the torque command is late by q", stage="command", needs=("tau_cmd",), delays="tau_cmd",

@@ -22,7 +22,7 @@ from drift_drake.common.errors import DriftDrakeError
 
 ROOT = Path(__file__).parents[1]
 RESULTS = "experiments/results"
-NOTEBOOK = (RESULTS, "docs/api.md", "docs/contributing.md", "CHANGELOG.md", "CONTRIBUTING.md")  # pages that are not of the user's
+NOTEBOOK = (RESULTS, "docs/api.md", "docs/contributing.md", "CHANGELOG.md", "CONTRIBUTING.md")  # not for users
 COINAGES = re.compile(
     r"\b(?:beside|(?:un)?told|another day(?:'s)?|what is normal|row weight|deaf(?:ness)?|everyday misfit"
     r"|misfit of every day|(?:actuators'|car's|commands') memory|push(?:es)?|(?<!make )rooms?|opened once"
@@ -69,7 +69,7 @@ def pages(root: Path) -> list[Path]:
 
 
 def of_users(root: Path) -> list[Path]:
-    """Pages of the documentation that users read from beginning to end: not the API, not contributors', not the notebook."""
+    """Pages that users read from beginning to end: without the API, the contributors' page, the notebook."""
     return [page for page in pages(root) if not str(page.relative_to(root)).startswith((*NOTEBOOK, "README"))]
 
 

@@ -46,7 +46,7 @@ def test_an_own_effect_pushes() -> None:
 def test_an_own_effect_has_a_state_or_is_a_delay() -> None:
     found = example("own_effect_with_state")
     assert found.main() == 0.0
-    assert found.build_up(*[0.0] * 5, 100.0, None, 0.25, 0.0) == 400.0
+    assert found.rise(*[0.0] * 5, 100.0, None, 0.25, 0.0) == 400.0
     assert (found.TURBO_LAG.stage, found.ENGINE_BUS.delays) == ("actuator", "tau_cmd")
 
 

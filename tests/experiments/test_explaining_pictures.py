@@ -4,13 +4,14 @@ import importlib
 from pathlib import Path
 from typing import get_args
 
+import numpy as np
 import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.text import Text
 
 from drift_drake.car.effects.catalogue import CATALOGUE
+from experiments.pictures import effects_map, gap, predictions
 from experiments.pictures.__main__ import Name
-from experiments.pictures.effects_map import PLACES, place
 from experiments.pictures.look import WIDTH
 
 ROOT = Path(__file__).parents[2]
@@ -40,5 +41,22 @@ def test_texts_of_a_drawing_fit_and_are_readable(name: str) -> None:
         assert text.get_fontsize() / 72.0 / WIDTH * 390.0 >= SMALLEST, text.get_text()
 
 
-def test_every_effect_has_a_place_in_the_map() -> None:
-    assert {place(name) for name in CATALOGUE} <= set(PLACES)
+def test_every_effect_is_once_on_the_map_and_where_it_acts() -> None:
+    shown = [text.get_text() for text in effects_map.draw().findobj(Text)]
+    assert sorted(text for text in shown if text in CATALOGUE) == sorted(CATALOGUE)
+    places = {"steering_delay": "command", "steering_lag": "actuator", "torque_gain_error": "drivetrain",
+              "tyre_relaxation": "tyre", "mass_error": "body", "aero_drag": "force", "gyro_bias": "sensor"}  # fmt: skip
+    assert {name: effects_map.place(name) for name in places} == places
+
+
+def test_the_cause_removes_the_gap_and_the_other_candidate_does_not() -> None:
+    _, before, (other, cause) = gap.compared()
+    assert cause.magnitude == pytest.approx(gap.TRUTH["steering_lag"], rel=0.05)
+    assert cause.removed > 0.99
+    assert other.removed < 0.5
+    assert np.std(cause.errors) < 0.1 * np.std(before)
+
+
+def test_predictions_are_better_after_learning() -> None:
+    found = predictions.predictions()
+    assert (found.rms(found.after) < found.rms(found.before)).all()

@@ -14,7 +14,9 @@ import tyro
 
 from diagrams.command import run_command
 
-Name = Literal["car_frames", "diagnosis", "drive_time_series", "effects_map", "gap", "predictions", "two_criteria"]
+Name = Literal[
+    "car_frames", "diagnosis", "drive_time_series", "effects_map", "gap", "predictions", "rooms", "two_criteria"
+]
 
 
 @dataclasses.dataclass(frozen=True)

@@ -10,8 +10,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.text import Text
 
 from drift_drake.car.effects.catalogue import CATALOGUE
-from experiments.pictures import effects_map, gap, predictions
-from experiments.pictures.__main__ import Name
+from experiments.pictures import Name, effects_map, gap, predictions
 from experiments.pictures.look import WIDTH
 
 ROOT = Path(__file__).parents[2]

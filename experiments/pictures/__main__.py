@@ -8,13 +8,11 @@ Each takes some seconds, and the first one of a machine the compilation too.
 import dataclasses
 import importlib
 from pathlib import Path
-from typing import Literal
 
 import tyro
 
 from diagrams.command import run_command
-
-Name = Literal["car_frames", "diagnosis", "drive_time_series", "effects_map", "gap", "predictions", "two_criteria"]
+from experiments.pictures import Name
 
 
 @dataclasses.dataclass(frozen=True)

@@ -12,7 +12,7 @@ export OPENBLAS_NUM_THREADS := 1
 # Kept bytecode: without it every worker, and every command under test, compiles all sources anew.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: help docs pictures commands demo blind test test-python test-slow fuzz lint format clean
+.PHONY: help docs docs-version pictures commands demo blind test test-python test-slow fuzz lint format clean
 
 help:
 	@echo "make demo       gather, adapt, drift, diagnose: one page, runs/demo-.../index.html"
@@ -23,8 +23,9 @@ help:
 	@echo "make commands   each command that a page names, in a clean clone: which page is false (nightly; COMMAND_SECONDS=3600)"
 	@echo "make fuzz       malformed inputs of every kind (FUZZ_CASES=10000)"
 	@echo "make docs       the documentation, into build/site"
-	@echo "make pictures   the documentation's picture of the closed loop, docs/closed_loop.png"
-	@echo "make lint       linters and type checker alone"
+	@echo "make docs-version  the documentation of the newest tag's version, next to those before, onto the branch gh-pages"
+	@echo "make pictures   the documentation's drawings, and its animation of a diagnosis"
+	@echo "make lint       linters of code, spelling and prose, and the type checker, alone"
 	@echo "make format     rewrite the sources in the house's format"
 	@echo "make clean      remove the virtual environment and all caches"
 
@@ -69,12 +70,29 @@ fuzz: .venv/installed-all
 docs: .venv/installed-all
 	$(BIN)/mkdocs build --strict
 
+VERSION ?= $(patsubst v%,%,$(shell git describe --tags --abbrev=0 2>/dev/null))
+
+# Commits to the local branch gh-pages; nothing is pushed. `mike serve` shows it.
+docs-version: .venv/installed-all
+	@test -n "$(VERSION)" || { echo "no tag names a version: make one (git tag v0.1.0), or give make docs-version VERSION=0.1.0"; exit 1; }
+	$(BIN)/mike deploy --update-aliases $(VERSION) latest
+	$(BIN)/mike set-default latest
+
+PICTURES := car_frames diagnosis drive_time_series effects_map gap predictions rooms two_criteria
+
 pictures: .venv/installed-all
 	$(BIN)/python -m diagrams.docs_picture
+	$(BIN)/python -m experiments.structure --out docs/structure.png
+	for name in $(PICTURES); do $(BIN)/python -m experiments.pictures $$name || exit 1; done
+
+# Pages that are written for readers; the results by date stay as they were written.
+PROSE := README.md CONTRIBUTING.md CHANGELOG.md docs/*.md docs/how_to/*.md
 
 lint: .venv/installed-all
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
+	$(BIN)/codespell drift_drake tests experiments examples diagrams docs $(PROSE)
+	$(BIN)/proselint --config .proselintrc.json check $(PROSE)
 	$(BIN)/mypy
 
 format: .venv/installed-all

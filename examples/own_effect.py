@@ -12,7 +12,7 @@ from drift_drake import Effect, VehicleParameters
 from drift_drake.car.scalar import cos, sin
 
 
-def push(r: Any, v: Any, beta: Any, omega_r: Any, psi: Any, car: Any, magnitude: Any) -> Any:  # noqa: ARG001
+def push(r: Any, v: Any, beta: Any, omega_r: Any, psi: Any, car: Any, magnitude: Any) -> Any:
     """A wind along the fixed frame's y: force in the body frame [N], yaw moment [N m]."""
     return magnitude * sin(psi), magnitude * cos(psi), 0.3 * magnitude
 

@@ -1,7 +1,7 @@
 """Runs each command that a page of the documentation names, in a clean clone, and says which page is false.
 
     python -m experiments.page_commands                     # make commands
-    python -m experiments.page_commands --seconds 3600 --pages docs/as_in_paper.md
+    python -m experiments.page_commands --seconds 3600 --pages docs/structure.md
 
 A command is true if it ends well, or still works after the time that it is given (it is then interrupted), and if what
 the page shows below it is what it prints. What asks for recordings that are not shipped, or for what another command
@@ -69,8 +69,9 @@ class PageCommandsConfig:
 
 
 def pages() -> list[Path]:
-    """All pages."""
-    return [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
+    """All pages: the documentation, and the results by date."""
+    found = [*sorted((ROOT / "docs").rglob("*.md")), *sorted((ROOT / "experiments" / "results").glob("*.md"))]
+    return [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *found]
 
 
 def commands_of(page: Path) -> list[Command]:

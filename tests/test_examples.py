@@ -7,6 +7,7 @@ from types import ModuleType
 import numpy as np
 import pytest
 
+from drift_drake import VehicleParameters
 from drift_drake.gap.next_drive.plan import NextDriveConfig
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
@@ -42,8 +43,34 @@ def test_an_own_effect_pushes() -> None:
     assert example("own_effect").main() == (0.0, 800.0, 240.0)
 
 
+def test_an_own_effect_has_a_state_or_is_a_delay() -> None:
+    found = example("own_effect_with_state")
+    assert found.main() == 0.0
+    assert found.rise(*[0.0] * 5, 100.0, None, 0.25, 0.0) == 400.0
+    assert (found.TURBO_LAG.stage, found.ENGINE_BUS.delays) == ("actuator", "tau_cmd")
+
+
+def test_one_system_runs_alone() -> None:
+    found, car = example("one_system"), VehicleParameters()
+    assert found.refused_plans(car) == 1.0
+    assert found.turned(car) > 0.05
+    samples, moved = example("one_adapter").main()
+    assert samples == 1.0
+    assert moved > 0.0
+
+
 def test_an_own_controller_drives() -> None:
     assert example("own_controller").main(time_factor=0.01) == "time is up"
+
+
+def test_an_own_controller_has_states() -> None:
+    assert example("own_controller_with_state").main() == "completed"
+
+
+def test_an_own_diagram_holds_course_and_speed() -> None:
+    r, v, *_ = example("own_diagram").main()
+    assert abs(r) < 0.05
+    assert abs(v - 15.0) < 1.0
 
 
 def test_an_own_tyre_has_a_curve_of_its_own() -> None:

@@ -54,6 +54,10 @@ class Tolerance:
     """One standard deviation of what is known of the vehicle: relative, unless a unit is given.
 
     A gap of this size is no gap to report; the diagnosis treats it as a nuisance.
+
+    Examples:
+        >>> VehicleParameters(tolerance=Tolerance(friction=0.05)).tolerance.friction
+        0.05
     """
 
     mass: float = 0.01
@@ -103,6 +107,10 @@ class VehicleParameters:
     both axles; in between, the front rim takes over that share of the difference in speed. `rear_axle_inertia` and the
     torque are then those of the whole driveline. A file may leave it out; and so `tyre`, which names one of another
     package (`car.tyre`).
+
+    Examples:
+        >>> VehicleParameters(mass=1210.0).replace(friction=0.9).mass
+        1210.0
     """
 
     mass: float = entry("kg", "m", 1650.0)

@@ -118,6 +118,9 @@ class NoiseLevels:
 
     Raises:
         ValueError: a level that is negative or not finite.
+
+    Examples:
+        >>> noisy = Car(car, noise=NoiseLevels(r=0.01))
     """
 
     r: float = 0.002  # [rad/s]

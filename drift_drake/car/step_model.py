@@ -40,6 +40,11 @@ class StepModel(Protocol):
     Shapes: x [N, n] with n = 6 + m: the paper's six states and m further ones of the model's own (m = 0 as a rule);
     u and u_next [N, 2]; curvature [N] (of the path, the mean over the step) [1/m]. A model that inherits from this
     class has to define `step` alone.
+
+    Examples:
+        >>> class Still(StepModel):
+        ...     def step(self, x, u, u_next, curvature):
+        ...         return x
     """
 
     memory_scale: Array = np.empty(0)
@@ -96,6 +101,10 @@ class NominalStepModel(StepModel):
 
     The rim speed is stiff (about 170/s at 7.5 m/s), which sets the number of sub-steps: RK4 is stable for
     dt / substeps below 2.7 times the time constant, so 8 sub-steps of 12.5 ms serve speeds above 6 m/s.
+
+    Examples:
+        >>> NominalStepModel(car).step(x, u, u, np.zeros(1)).shape
+        (1, 6)
     """
 
     def __init__(self, parameters: VehicleParameters, dt: float = STEP, substeps: int = SUBSTEPS) -> None:

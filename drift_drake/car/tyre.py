@@ -58,6 +58,11 @@ class Tyre(Protocol):
 
     Plain arithmetic and the functions of `drift_drake.car.scalar` (exp, tanh, atan, select, ...), finite for every
     positive slip, since it is compiled, differentiated by complex steps, and evaluated on Drake's scalars.
+
+    Examples:
+        >>> def saturating(sigma, stiffness, peak):  # F = peak tanh(C sigma / peak), by the secant
+        ...     force = tanh(stiffness * sigma / peak)
+        ...     return peak * force / sigma, (stiffness * (1.0 - force**2) - peak * force / sigma) / sigma
     """
 
     def __call__(self, sigma: Any, stiffness: Any, peak: Any) -> tuple[Any, Any]:

@@ -142,6 +142,11 @@ def read_vehicle(path: str | Path) -> tuple[VehicleParameters, Effects]:
 
     Raises:
         InvalidVehicleError: names the file, the key and the remedy.
+
+    Examples:
+        >>> car, effects = read_vehicle("car.yaml")
+        >>> car.mass
+        1650.0
     """
     data: Any = vehicle_data(path)
     if isinstance(data, dict) and DOUBLE_TRACK in data:
@@ -181,7 +186,11 @@ def write_vehicle(
     parameters: CarParameters,
     effects: Effects = Effects(),
 ) -> None:
-    """Writes a vehicle file that is read back to the same car; effects of zero magnitude are left out."""
+    """Writes a vehicle file that is read back to the same car; effects of zero magnitude are left out.
+
+    Examples:
+        >>> write_vehicle("mine.yaml", car.replace(mass=1210.0), make_effects({"aero_drag": 0.7}))
+    """
     write_text(path, yaml.safe_dump(_plain(parameters, effects), sort_keys=False))
 
 

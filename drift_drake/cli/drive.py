@@ -64,7 +64,7 @@ class ClosedLoopDrive(DriveOptions):
     drift-drake drive figure_8 --vehicle corrected.yaml --model online --out drive
 
     The car starts half a metre and 0.1 rad of sideslip off the reference, with sensor noise. The controller knows the
-    vehicle file but not its effects, unless it is told (--model known).
+    vehicle file but not its effects, unless they are given to it (--model known).
     """
 
     reference: tyro.conf.Positional[Literal["figure_8", "loops"]]

@@ -73,7 +73,7 @@ def run_fleet(command: Fleet) -> None:
 
 
 def usable_days(folder: Path, days: Sequence["FleetDay"]) -> list["FleetDay"]:
-    """The days of which something can be judged, the others are told; raises InvalidLogError where there is none."""
+    """The days that can be judged, the others are reported; raises InvalidLogError where there is none."""
     kept = [day for day in days if day.sums.rows > 0.0]
     why = "less than 2 s can be judged: at rest, nearly so, or sideways"
     if not kept:

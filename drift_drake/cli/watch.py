@@ -31,7 +31,7 @@ class Watch:
     vehicle: Path
     """What the simulator believes of the car (YAML)."""
     calibration: Path | None = None
-    """What 'identify --json' wrote of this car, so that what is normal for it is no change."""
+    """What 'identify --json' wrote of this car, so that its baseline residuals are no change."""
     json: Path | None = None
     """Where to write the events, one JSON object a line (-: standard output)."""
     page: Path | None = None

@@ -15,7 +15,15 @@ LAST = 400  # of them that are its end, where the reason and the remedy stand
 
 
 class DriftDrakeError(Exception):
-    """Something given that cannot be used; the message names it, the place and the remedy in one sentence."""
+    """Something given that cannot be used; the message names it, the place and the remedy in one sentence.
+
+    Examples:
+        >>> try:
+        ...     read_vehicle("missing.yaml")
+        ... except DriftDrakeError as error:
+        ...     print(str(error).split(":")[0])
+        missing.yaml
+    """
 
 
 class InvalidOptionError(DriftDrakeError, ValueError):

@@ -116,12 +116,12 @@ def reliability_text(rows: Sequence[Row]) -> str:
 @styled
 def draw_reliability(rows: Sequence[Row]) -> Figure:
     """A panel each for what is stated: share that happened over the mean that was stated, with its interval."""
-    figure = new_figure(7.4, 2.8)
-    axes = figure.subplots(1, len(PANELS), sharex=True, sharey=True)
+    figure = new_figure(3.7, 8.4)  # narrow: it is read on a phone
+    axes = figure.subplots(len(PANELS), 1, sharex=True, sharey=True)
     for ax, (name, stated) in zip(axes, PANELS.items(), strict=True):
         draw_panel(ax, binned(stated(rows)))
-        ax.set(title=name, xlabel="stated probability [-] (grey: days)")
-    axes[0].set_ylabel("share that happened [-]")
+        ax.set(title=name, ylabel="share that happened [-]")
+    axes[-1].set_xlabel("stated probability [-] (grey: days)")
     axes[0].legend(loc="upper left")
     return figure
 
@@ -137,7 +137,7 @@ def draw_panel(ax: Axes, bins: Sequence[Bin]) -> None:
         ax.errorbar(x, y, yerr=error, fmt="o" if inside else "s", ms=4, color=colour, elinewidth=1.0, capsize=2,
                     mfc=colour if inside else "white", label=label, zorder=2)  # fmt: skip
     for b in bins:
-        ax.text(0.5 * (b.low + b.high), -0.085, f"{b.days}", ha="center", va="center", fontsize=6, color=REFERENCE)
+        ax.text(0.5 * (b.low + b.high), -0.085, f"{b.days}", ha="center", va="center", fontsize=7.5, color=REFERENCE)
     ax.set(xlim=(-0.03, 1.03), ylim=(-0.13, 1.05), xticks=np.linspace(0.0, 1.0, BINS + 1))
 
 

@@ -15,6 +15,7 @@ from drift_drake.cli.main import load, main
 
 ROOT = Path(__file__).parents[2]
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
+RESULTS = sorted((ROOT / "experiments" / "results").glob("*.md"))  # by date: their commands exist, none is run
 FENCE = re.compile(r"(<!-- run -->\n)?```(\w*)\n(.*?)```", re.DOTALL)
 MARKED = [page for page in PAGES if "<!-- run -->" in page.read_text(encoding="utf-8")]
 
@@ -36,7 +37,7 @@ def names(page):
     return str(page.relative_to(ROOT))
 
 
-@pytest.mark.parametrize("page", PAGES, ids=names)
+@pytest.mark.parametrize("page", [*PAGES, *RESULTS], ids=names)
 def test_commands_exist_and_take_the_options(page):
     for _, language, text in blocks(page):
         if language not in ("console", ""):
@@ -47,7 +48,7 @@ def test_commands_exist_and_take_the_options(page):
                 tyro.cli(options, args=rest)  # SystemExit where an option is unknown
 
 
-@pytest.mark.parametrize("page", PAGES, ids=names)
+@pytest.mark.parametrize("page", [*PAGES, *RESULTS], ids=names)
 def test_links_and_pictures_are_there(page):
     text = re.sub(r"```.*?```", "", page.read_text(encoding="utf-8"), flags=re.DOTALL)
     for target in re.findall(r"\]\(([^)#]+)[^)]*\)", text):
@@ -55,7 +56,7 @@ def test_links_and_pictures_are_there(page):
             assert (page.parent / target).exists(), f"{names(page)}: {target}"
 
 
-@pytest.mark.parametrize("page", PAGES, ids=names)
+@pytest.mark.parametrize("page", [*PAGES, *RESULTS], ids=names)
 def test_files_and_modules_that_are_named_are_there(page):
     text = page.read_text(encoding="utf-8")
     for path in re.findall(r"[`\s]((?:[a-z_]+/)+[a-z_]+\.(?:py|yaml|npz|json))\b", text):
@@ -79,7 +80,7 @@ def test_the_api_page_has_every_name_of_the_library():
     assert listed == set(drift_drake.__all__)
 
 
-@pytest.mark.parametrize("page", PAGES, ids=names)
+@pytest.mark.parametrize("page", [*PAGES, *RESULTS], ids=names)
 def test_python_is_python(page):
     for _, language, text in blocks(page):
         if language == "python":

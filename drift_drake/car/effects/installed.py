@@ -258,7 +258,7 @@ def _check_state(where: str, effect: Effect) -> tuple[float, ...]:
         return ()
     if effect.rate is None or effect.start is None or effect.reading:
         raise InvalidExtensionError(
-            f"{where}: a state needs both rate and start, beside a force or an actuation; give both or none"
+            f"{where}: a state needs both rate and start, with a force or an actuation; give both or none"
         )
     moving = (0.1, 12.0, 0.02, 12.1, 0.05, 100.0, REFERENCE.constants(), 0.0)
     try:

@@ -18,7 +18,12 @@ INSTALLED_STATES = tuple(name for name, effect in installed_effects().items() if
 if TYPE_CHECKING:
 
     class Effects(tuple[Any, ...]):
-        """Magnitudes of all effects by name, in the units of `CATALOGUE` and in its order; zero switches one off."""
+        """Magnitudes of all effects by name, in the units of `CATALOGUE` and in its order; zero switches one off.
+
+        Examples:
+            >>> Effects(steering_lag=0.1)._replace(aero_drag=0.7).aero_drag
+            0.7
+        """
 
         _fields: ClassVar[tuple[str, ...]]
 
@@ -100,6 +105,10 @@ def make_effects(magnitudes: dict[str, float]) -> Effects:
 
     Raises:
         ValueError: a name that the catalogue does not have; the message lists the names.
+
+    Examples:
+        >>> make_effects({"steering_lag": 0.1}).steering_lag
+        0.1
     """
     unknown = sorted(set(magnitudes) - set(Effects._fields))
     if unknown:

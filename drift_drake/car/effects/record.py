@@ -95,6 +95,10 @@ class Effect:
     car's mass, wheelbase and wheel radius, beside the reference car's, that scale it. An effect from another package
     has one of `force`, `actuation` and `reading`; beside the first two it may have a state of its own, by
     `rate` and `start`. Or it `delays` a command, and has no function.
+
+    Examples:
+        >>> CATALOGUE["steering_lag"].unit, CATALOGUE["steering_lag"].stage
+        ('s', 'actuator')
     """
 
     unit: str

@@ -51,6 +51,11 @@ class Run:
     `filled`: rows (bool) in which the screening has filled a bad sample, so that a column is no measurement there.
     `trusted`: columns that are asked no questions, since somebody has looked at them. `recording`: the name of the run
     that this is a part of; empty for a whole one.
+
+    Examples:
+        >>> run = Run("still", t=0.01 * np.arange(100), r=np.zeros(100), v=np.ones(100), delta_cmd=np.zeros(100))
+        >>> run.period
+        0.01
     """
 
     name: str
@@ -110,6 +115,10 @@ def read_run(path: str | Path) -> Run:
 
     Raises:
         InvalidLogError: unreadable or empty file, missing column, NaN, a clock that is not regular, wrong units.
+
+    Examples:
+        >>> len(read_run("logs/monday/run_0.csv"))
+        401
     """
     path = Path(path)
     columns = read_columns(path)
@@ -123,11 +132,7 @@ def read_run(path: str | Path) -> Run:
 
 
 def make_run(path: Path, columns: dict[str, np.ndarray]) -> Run:
-    """A run from the columns of a file, which its errors name.
-
-    Raises:
-        InvalidLogError: a clock that is not regular, wrong units, too few rows.
-    """
+    """A run from the columns of a file, which its InvalidLogError names."""
     name = _recorded_name(path)
     try:
         return Run(name=name, trusted=trusted_columns(path.parent), recording="", **columns)
@@ -136,11 +141,7 @@ def make_run(path: Path, columns: dict[str, np.ndarray]) -> Run:
 
 
 def read_columns(path: Path) -> dict[str, np.ndarray]:
-    """The log format's columns that a CSV or Parquet file has.
-
-    Raises:
-        InvalidLogError: unreadable or empty file, NaN.
-    """
+    """The log format's columns that a CSV or Parquet file has; InvalidLogError where one cannot be read."""
     check_file(path, InvalidLogError, "give the path of a run (CSV or Parquet)")
     return read_guarded(_read_columns, path, InvalidLogError)
 
@@ -171,7 +172,11 @@ def check_names(path: Path, names: Sequence[str]) -> None:
 
 
 def write_run(run: Run, path: str | Path) -> None:
-    """Writes one run as CSV (nine digits); absent columns are left out."""
+    """Writes one run as CSV (nine digits); absent columns are left out.
+
+    Examples:
+        >>> write_run(read_run("logs/monday/run_0.csv").rows(0, 100), "first_second.csv")
+    """
     columns = {name: run.column(name) for name in COLUMNS}
     write_columns({name: values for name, values in columns.items() if values is not None}, path)
 
@@ -181,16 +186,16 @@ def read_case(folder: str | Path) -> list[Run]:
 
     Raises:
         InvalidLogError: no such folder, no runs in it, or one of them cannot be used.
+
+    Examples:
+        >>> [run.name for run in read_case("logs/monday")]
+        ['run_0']
     """
     return [read_run(path) for path in case_paths(folder)]
 
 
 def case_paths(folder: str | Path) -> list[Path]:
-    """Files of all runs of one case, in the order of their numbers.
-
-    Raises:
-        InvalidLogError: no such folder, no runs in it, or one of them twice.
-    """
+    """Files of all runs of one case, in the order of their numbers; InvalidLogError where there are none."""
     folder = Path(folder)
     if not folder.exists():
         raise InvalidLogError(f"{folder}: no such folder; a case is a folder of run_0.csv, run_1.csv, ...")

@@ -147,6 +147,11 @@ class EffectsStepModel(StepModel):
 
     Raises:
         ValueError: such an effect.
+
+    Examples:
+        >>> believed = EffectsStepModel(car, make_effects({"aero_drag": 1.0}))
+        >>> believed.step(x, u, u, np.zeros(1)).shape
+        (1, 6)
     """
 
     def __init__(self, parameters: VehicleParameters, effects: Effects, exact: bool = True) -> None:

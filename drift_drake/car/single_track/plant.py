@@ -127,4 +127,12 @@ class SingleTrackPlant(PathPlant):
 
 VehiclePlant_ = plant_template("VehiclePlant_", SingleTrackPlant)
 VehiclePlant = VehiclePlant_[None]
-"""The car on floats; `ToAutoDiffXd()` and `ToSymbolic()` convert it, parameters, effects and path included."""
+"""The car on floats; `ToAutoDiffXd()` and `ToSymbolic()` convert it, parameters, effects and path included.
+
+Made from (parameters, effects, path). In: actuation [2], and where connected disturbance [3], curvature [1]. Out:
+state [6], path_position [1], pose [3], full_state, acceleration [2]. `help(VehiclePlant)` has units and details.
+
+Examples:
+    >>> VehiclePlant(car).ToAutoDiffXd().GetOutputPort("state").size()
+    6
+"""

@@ -118,7 +118,12 @@ def bound_end(problem: OptimalControlProblem, curvature: float = 0.0) -> None:
 
 @dataclasses.dataclass(frozen=True)
 class GatheringConfig(LaneDrive):
-    """A lane drive that is worth learning from."""
+    """A lane drive that is worth learning from.
+
+    Examples:
+        >>> GatheringConfig(steps=30).half_width
+        3.0
+    """
 
     curvature: float = 0.0
     """[1/m] of the lane, which is a circle then; positive to the left."""

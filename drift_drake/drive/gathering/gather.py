@@ -186,6 +186,10 @@ def gather(
     Args:
         learning: the model and what is believed before the drive, where the rest of the drive is to be planned again
             each `config.replan` [s]; without, a drive is as long as the trajectory, on a track too.
+
+    Examples:
+        >>> trajectory = plan_drive(model, model.prior(), config, alpha=8.0)  # doctest: +SKIP
+        >>> table, ending = gather(trajectory, make_effects({}), car, config, seed=0)  # doctest: +SKIP
     """
     drive = execution(trajectory, effects, parameters, config, plant)
     replanning: dict[str, Any] = {}
@@ -203,7 +207,11 @@ def drive_samples(table: pd.DataFrame, config: GatheringConfig) -> Samples:
 
 
 def learn_drive(model: BayesianModel, belief: Posterior, table: pd.DataFrame, config: GatheringConfig) -> Posterior:
-    """The belief after a drive's log."""
+    """The belief after a drive's log.
+
+    Examples:
+        >>> belief = learn_drive(model, model.prior(), table, GatheringConfig())
+    """
     return learn(model, belief, drive_samples(table, config))
 
 

@@ -69,6 +69,9 @@ def plan_drive(
 
     Raises:
         InfeasiblePlanError: no first guess led to a feasible trajectory, or, with `only_converged`, to the least cost.
+
+    Examples:
+        >>> trajectory = plan_drive(model, model.prior(), GatheringConfig(), alpha=8.0)  # doctest: +SKIP
     """
     problem = info_ocp(model, belief, config, alpha, lateral)
     cost = information_cost(model, belief, config.objective, alpha)
@@ -162,6 +165,10 @@ def info_ocp(
         model, belief: what the drive is planned to tell of; config: the lane, the objective and the limits.
         alpha: weight of the information [1/nat]; the config's without, 0 for the plain OCP.
         lateral: see `problem_data`; along: path positions [m] on a track, N + 1 of them, see `lane_data`.
+
+    Examples:
+        >>> problem = info_ocp(model, model.prior(), GatheringConfig(steps=5))
+        >>> result = Solve(problem)  # doctest: +SKIP
     """
     alpha = config.alpha if alpha is None else alpha
     informative = alpha > 0.0

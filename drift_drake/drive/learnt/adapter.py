@@ -96,6 +96,10 @@ class BayesianAdapter(LeafSystem):
     a sample is refused); see `set_frozen`, `set_threshold`. State in the Context: the posteriors, the log evidence of
     each pair of lags, the offset, the counters, the measurement and commands of the last tick, and whether the car was
     then trusted to be the same. The tick at t takes the sample of [t - `TIME_STEP`, t].
+
+    Examples:
+        >>> BayesianAdapter(model).GetOutputPort("posterior_mean").size()
+        64
     """
 
     def __init__(

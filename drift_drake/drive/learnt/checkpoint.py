@@ -41,7 +41,12 @@ class InvalidCheckpointError(DriftDrakeError, ValueError):
 
 @dataclasses.dataclass(frozen=True)
 class BayesianModel:
-    """Features, prior and noise of the learnt car, and where they come from."""
+    """Features, prior and noise of the learnt car, and where they come from.
+
+    Examples:
+        >>> model.prior().mean.shape, model.sigma.shape
+        ((4, 16), (4,))
+    """
 
     network: Network
     prior_mean: Array  # [4, 16]
@@ -114,6 +119,9 @@ def load_model(path: str | Path | None = None) -> BayesianModel:
 
     Raises:
         InvalidCheckpointError: names the file and the remedy.
+
+    Examples:
+        >>> belief = load_model().prior()
     """
     source = Path(str(files("drift_drake") / "data" / "bayesian_model.npz")) if path is None else Path(path)
     arrays, about = _stored(source)

@@ -64,6 +64,11 @@ def under_lags(
 
 
 def learn_with_lags(model: BayesianModel, samples_of: Callable[[Array], Samples]) -> tuple[BayesianModel, Posterior]:
-    """(the model with the lags under which drives are likeliest, its posterior after them); see `under_lags`."""
+    """(the model with the lags under which drives are likeliest, its posterior after them); see `under_lags`.
+
+    Examples:
+        >>> samples_of = lambda lag: samples_from_log(table, None, vehicle=0, drive=0, lag=lag)
+        >>> lagged, belief = learn_with_lags(model, samples_of)
+    """
     best = max(under_lags(model, samples_of), key=lambda under: under.evidence)
     return best.model, best.posterior

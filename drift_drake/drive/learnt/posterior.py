@@ -22,7 +22,13 @@ from drift_drake.common.arrays import Array
 
 
 class Posterior(NamedTuple):
-    """What is believed of theta; the prior is the posterior of no data."""
+    """What is believed of theta; the prior is the posterior of no data.
+
+    Examples:
+        >>> belief = model.prior()
+        >>> belief.mean.shape, belief.covariance.shape
+        ((4, 16), (64, 64))
+    """
 
     mean: Array  # [4, 16]
     covariance: Array  # Lambda^{-1}, of theta / sigma, [64, 64], states by features in a row

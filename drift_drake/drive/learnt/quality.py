@@ -54,7 +54,11 @@ def split_vehicle(samples: Samples, points: int, rotation: int = 0) -> Split:
 
 
 def learn(model: BayesianModel, belief: Posterior, samples: Samples) -> Posterior:
-    """The belief after samples."""
+    """The belief after samples.
+
+    Examples:
+        >>> belief = learn(model, model.prior(), samples_from_log(table, None, vehicle=0, drive=0))
+    """
     phi, y = regression_points(model, samples.x, samples.u, samples.u_next, samples.x_next)
     return update_all(belief, model.sigma, phi, y, model.sample_weight)
 
@@ -122,7 +126,11 @@ def predicted_windows(
 
 
 def step_model(model: BayesianModel, posterior: Posterior, path_step: PathStep = "trapezoid") -> BayesianStepModel:
-    """The one-step model of a posterior's mean."""
+    """The one-step model of a posterior's mean.
+
+    Examples:
+        >>> mpc = Mpc(step_model(model, model.prior()), car, reference)
+    """
     return BayesianStepModel(model.network, posterior.mean, model.vehicle.constants(), path_step)
 
 

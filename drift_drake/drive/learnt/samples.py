@@ -153,6 +153,10 @@ def samples_from_log(
         table: rows 0.01 s apart with t, the six measured states, s, delta_cmd and tau_cmd.
         path: that e, dphi and s refer to; None for a straight one (of no curvature).
         lag: of steering and torque [s], which the lagged commands are behind.
+
+    Examples:
+        >>> samples_from_log(table, None, vehicle=0, drive=0).u.shape
+        (40, 2)
     """
     commands = table[[f"{name}_cmd" for name in INPUTS]].to_numpy()
     lagged = lagged_commands(table["t"].to_numpy(), commands, lag)

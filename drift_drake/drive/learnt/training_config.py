@@ -49,9 +49,9 @@ class TrainingConfig:
     temper: bool = True
     """Choose the weight of a sample in the posterior on the validation vehicles; else it is 1."""
     physical_inputs: bool = True
-    """Give the network the slips and forces of the nominal car's tyres beside z, and the actuators' memory."""
+    """Give the network the slips and forces of the nominal car's tyres in addition to z, and the actuators' states."""
     tyres: bool = True
-    """False: of the physical inputs the actuators' memory (lagged commands) alone; the others' weights stay zero."""
+    """False: of the physical inputs the actuators' states (lagged commands) alone; the others' weights stay zero."""
     coupled: bool = False
     """Over windows, too: one belief of all states in place of four; the objective over tasks always has one."""
     adaptive: bool = True

@@ -53,6 +53,10 @@ class LinearInterpolationActuator(LeafSystem):
         period: of the sampling of the plan's port [s].
         max_age: age from which a plan is LATE [s].
         initial_command: held while no plan has begun; within the limits.
+
+    Examples:
+        >>> LinearInterpolationActuator(car, steps=25).GetInputPort("plan").size()
+        53
     """
 
     def __init__(

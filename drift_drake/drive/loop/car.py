@@ -46,6 +46,10 @@ class Car(Diagram):
 
     Raises:
         InvalidVehicleError: a parameter or an effect that no car has, or commands that act before they are given.
+
+    Examples:
+        >>> Car(car, make_effects({"steering_lag": 0.1})).GetOutputPort("measured_state").size()
+        7
     """
 
     def __init__(

@@ -50,7 +50,11 @@ DETECTION = ("distance", "statistic", "alarm")  # the detector's ports
 
 @dataclasses.dataclass(frozen=True)
 class ControlConfig:
-    """How the controller is set up; the same for every model that it is given."""
+    """How the controller is set up; the same for every model that it is given.
+
+    Examples:
+        >>> loop = ClosedLoop(car, reference, NominalStepModel(car), control=ControlConfig(horizon=20))
+    """
 
     horizon: int = 25  # N, steps of 0.1 s
     period: float = 0.01  # [s] between plans
@@ -100,6 +104,11 @@ class ClosedLoop:
         InvalidVehicleError: an effect that no car has; InvalidControllerError: a controller that is none.
         ValueError: both a model and a controller, or neither; a detector, or a tightened lane, without an adapter; a
             watch whose policy the model does not serve.
+
+    Examples:
+        >>> loop = ClosedLoop(car, reference, NominalStepModel(car))
+        >>> loop.run(loop.initial_context(seed=1), RunLimits(time_factor=0.01)).outcome
+        'time is up'
     """
 
     def __init__(

@@ -55,6 +55,10 @@ class Drive:
     """The diagram of one driver and one vehicle.
 
     Systems: driver (a port measured_state in, where it has one, and a port plan out), actuator, dither, car, loggers.
+
+    Examples:
+        >>> driver = ConstantVectorSource(Plan(0.0, np.zeros((2, 2))).vector())
+        >>> table, ending = Drive(car, driver, 1, 0.1, None, (0.0, 0.0)).run(x[0], 0.0, duration=0.5, seed=0)
     """
 
     def __init__(

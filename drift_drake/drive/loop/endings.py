@@ -14,7 +14,12 @@ Outcome = Literal["completed", "stopped safely", "spin", "left the lane", "time 
 
 @dataclasses.dataclass(frozen=True)
 class RunLimits:
-    """When a run ends early."""
+    """When a run ends early.
+
+    Examples:
+        >>> RunLimits(time_factor=0.5, lane_margin=2.0).sideslip
+        1.3
+    """
 
     sideslip: float = 1.3  # [rad] beyond which the car has spun
     turned: float = 1.0  # [s] for which the car heads backwards along its path, after which it has spun, too

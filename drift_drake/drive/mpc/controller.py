@@ -47,6 +47,10 @@ class MpcController(LeafSystem):
         mpc: what plans; its `delay` is one period, which the solve may use up.
         period: [s] between plans.
         theta_size: length of the port `theta`; 0 for a model without.
+
+    Examples:
+        >>> MpcController(Mpc(NominalStepModel(car), car, reference)).GetOutputPort("plan").size()
+        53
     """
 
     def __init__(self, mpc: Mpc, period: float = 0.01, theta_size: int = 0) -> None:
@@ -138,6 +142,11 @@ class Controller(Protocol):
 
     It keeps nothing from one call to the next, so that runs replay from their seed. A controller with states of its own
     is a Drake system that keeps them in the Context (`system_controller`), and can be given in its place.
+
+    Examples:
+        >>> class Straight:
+        ...     def evaluate(self, x, s, t):
+        ...         return 0.0, 100.0  # [rad], [N m]
     """
 
     def evaluate(self, x: Array, s: float, t: float) -> Plan | ArrayLike:
@@ -173,6 +182,11 @@ class ControllerSystem(LeafSystem):
     Args:
         horizon: N, steps of 0.1 s; a plan is read at their ends, held beyond its own.
         period: [s] between plans; delay: [s] from a measurement until its plan is in force.
+
+    Examples:
+        >>> straight = SimpleNamespace(evaluate=lambda x, s, t: (0.0, 100.0))
+        >>> ControllerSystem(straight).GetOutputPort("plan").size()
+        53
     """
 
     def __init__(self, controller: Controller, horizon: int = 25, period: float = 0.01, delay: float = 0.01) -> None:

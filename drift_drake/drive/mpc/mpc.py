@@ -23,7 +23,15 @@ STUCK = 0.05  # share of the QP's step that the line search takes, below which t
 
 
 class NoPlanError(DriftDrakeError, RuntimeError):
-    """A state from which no plan was found; the message says why."""
+    """A state from which no plan was found; the message says why.
+
+    Examples:
+        >>> try:
+        ...     solution = Mpc(NominalStepModel(car), car, reference).solve(np.full(6, np.nan), 0.0, 0.0)
+        ... except NoPlanError:
+        ...     print("the last plan goes on")
+        the last plan goes on
+    """
 
 
 class SolveStatistics(NamedTuple):
@@ -57,7 +65,13 @@ class PlanBeside(NamedTuple):
 
 
 class MpcSolution(NamedTuple):
-    """A plan, what it was found with, and what the next solve starts from."""
+    """A plan, what it was found with, and what the next solve starts from.
+
+    Examples:
+        >>> solution = Mpc(NominalStepModel(car), car, reference).solve(reference.state(0.0), 0.0, 0.0)
+        >>> solution.plan.u.shape, solution.x.shape
+        ((26, 2), (26, 6))
+    """
 
     plan: Plan
     x: Array  # predicted states [N+1, n]
@@ -70,8 +84,10 @@ class MpcSolution(NamedTuple):
 class Mpc:
     """Plans along a reference; holds nothing between solves that a later one depends on.
 
-        mpc, solution = Mpc(model, parameters, reference), None
-        solution = mpc.solve(x, s, t, solution)  # over and over; solution.plan.command(t) is to be applied
+    Examples:
+        >>> mpc, solution = Mpc(NominalStepModel(car), car, reference), None
+        >>> solution = mpc.solve(reference.state(0.0), 0.0, 0.0, solution)  # at s [m] and t [s], over and over
+        >>> delta, tau = solution.plan.command(0.05)
 
     Each solve predicts the state to the time at which the plan will be in force (`delay` later), sets the OCP up from
     there with the command that the last plan has for that time as u_0, and makes SQP steps from the last solution,

@@ -29,7 +29,11 @@ from drift_drake.drive.reference.trajectory import Reference
 
 @dataclasses.dataclass(frozen=True)
 class OcpWeights:
-    """Diagonals of Q (per state) and R (per input), and the lane's penalty."""
+    """Diagonals of Q (per state) and R (per input), and the lane's penalty.
+
+    Examples:
+        >>> mpc = Mpc(NominalStepModel(car), car, reference, weights=OcpWeights(e=10.0))
+    """
 
     r: float = 1.0  # [1/(rad/s)^2]
     v: float = 0.1  # [1/(m/s)^2]
@@ -52,7 +56,12 @@ class OcpWeights:
 
 
 class OcpData(NamedTuple):
-    """What changes from one problem to the next."""
+    """What changes from one problem to the next.
+
+    Examples:
+        >>> h = reference.horizon(0.0, dt=0.1, count=25)
+        >>> data = OcpData(h.x_ref[0], h.u_ref[0], h.x_ref, h.curvature, h.e_min, h.e_max)
+    """
 
     x_init: Array  # [n], n = 6 but for models with states of their own
     u_init: Array  # [2], the command in force
@@ -82,6 +91,10 @@ class OptimalControlProblem(MathematicalProgram):
         stages: costs and bounds, all but the dynamics.
         dynamics: the stacked dynamics constraint, which the line-search SQP reads beside the stages.
         extra_cost: a cost beside l_k that is not quadratic (Info-OCP's), if any.
+
+    Examples:
+        >>> OptimalControlProblem(NominalStepModel(car), car, horizon=10).num_vars()
+        98
     """
 
     def __init__(
@@ -283,8 +296,9 @@ def ocp(
 ) -> OptimalControlProblem:
     """The OCP along a reference, with its data and a first guess set: `pydrake.solvers.Solve` takes it as it is.
 
-        problem = ocp(NominalStepModel(car), car, figure_8(car), s=20.0)
-        x, u, slack = problem.unstack(Solve(problem).GetSolution(problem.decision_variables()))
+    Examples:
+        >>> problem = ocp(NominalStepModel(car), car, reference, s=20.0)
+        >>> x, u, slack = problem.unstack(Solve(problem).GetSolution(problem.decision_variables()))
 
     Args:
         model: one step of the car; parameters: for the limits of the inputs; reference: what to drive.

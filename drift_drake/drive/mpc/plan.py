@@ -14,7 +14,12 @@ DT = 0.1  # [s] between the commands of the MPC's plans
 
 
 class Plan(NamedTuple):
-    """Commands to be followed by linear interpolation from `start` on."""
+    """Commands to be followed by linear interpolation from `start` on.
+
+    Examples:
+        >>> Plan(0.0, np.array([[0.0, 100.0], [0.2, 100.0]])).command(0.05).tolist()
+        [0.1, 100.0]
+    """
 
     start: float  # [s]
     u: Array  # [N+1, 2] (delta [rad], tau [N m])

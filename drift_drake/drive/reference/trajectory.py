@@ -69,6 +69,10 @@ class Reference:
         e_min, e_max: lane bounds [M] in m, e_min < 0 < e_max.
         in_transition: whether the car is between two steady drifts [M].
         distance: [m] to drive in all, several laps of a closed path perhaps.
+
+    Examples:
+        >>> reference.state(0.0).round(1).tolist()
+        [0.0, 7.5, 0.0, 7.5, 0.0, 0.0]
     """
 
     path: Path
@@ -198,6 +202,10 @@ def straight_line(v_start: float, v_end: float, duration: float, half_width: flo
     Args:
         v_start, v_end: speeds [m/s] at the start and at `duration` [s]; the rim speed equals the speed.
         half_width: [m] of the lane to either side.
+
+    Examples:
+        >>> straight_line(7.5, 20.0, duration=4.5).path.length  # [m]
+        61.875
     """
     return circle(v_start, v_end, duration, 0.0, half_width)
 
@@ -238,6 +246,10 @@ def figure_8(parameters: VehicleParameters, radius: float | None = None, sidesli
     Raises:
         NoEquilibriumError: the car cannot drift steadily at this radius and sideslip.
         NoTransitionError: the car cannot go from one drift to the other over the transition.
+
+    Examples:
+        >>> round(figure_8(car).duration, 1)  # [s]
+        26.8
     """
     unit = similarity(parameters).length
     radius, transition = (
@@ -289,6 +301,10 @@ def loops(parameters: VehicleParameters, radius: float | None = None, sideslip: 
     Raises:
         NoEquilibriumError: the car cannot drift steadily at this radius and sideslip.
         NoTransitionError: the car cannot go from one state to the next over the distance.
+
+    Examples:
+        >>> round(loops(car, count=2).duration, 1)  # [s]
+        16.7
     """
     units = similarity(parameters)
     radius = RADIUS * units.length if radius is None else radius

@@ -13,8 +13,9 @@ from drift_drake.gap.choose.usable_drives import check_drives
 def choose(logs: Logs, vehicle: Vehicle | None = None, *, progress: Progress | None = None) -> Choice:
     """Says which model may drive a car at its limits, by its logs: the car that they identify, or the learnt one.
 
-        found = drift_drake.choose("logs/monday", "car.yaml")
-        print(found.believed, found.sentence())
+    Examples:
+        >>> found = choose("logs/monday", "car.yaml")  # doctest: +SKIP
+        >>> print(found.believed, found.sentence())  # doctest: +SKIP
 
     Args:
         logs: path of a case folder or of a run's file, or runs at 100 Hz, with torque, sideslip and rim speed;

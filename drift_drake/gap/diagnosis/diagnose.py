@@ -29,8 +29,9 @@ def diagnose(
 ) -> Diagnosis | DayDiagnosis:  # fmt: skip
     """Finds where a simulator is wrong, which effect it lacks, how large that is, and how far adding it helps.
 
-        found = drift_drake.diagnose("logs/monday", "car.yaml", calibration="car.json")
-        print(found.answer.sentence())
+    Examples:
+        >>> found = diagnose("logs/monday", "car.yaml")  # doctest: +SKIP
+        >>> print(found.answer.sentence())  # doctest: +SKIP
 
     Args:
         logs: path of a case folder or of a run's file, or runs of one car on one day;

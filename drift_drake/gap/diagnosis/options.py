@@ -50,7 +50,9 @@ def check_trust(
     """
     if calibration is not None:
         if (noise_scale, process_scale, row_weight) != (1.0, 1.0, 1.0):
-            raise InvalidOptionError("--calibration has the scales and the row weight; give it or them, not both")
+            raise InvalidOptionError(
+                "--calibration has the scales and the likelihood tempering exponent; give it or them, not both"
+            )
         if isinstance(calibration, str | Path):
             check_file(Path(calibration), InvalidOptionError, "write it with 'drift-drake identify --json'")
     if not 0.0 < row_weight <= 1.0:

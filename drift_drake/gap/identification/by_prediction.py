@@ -141,7 +141,7 @@ def fit_by_prediction(
     if len(kept) < len(chosen):
         at = [fit.names.index(u.name) for u in kept]
         fit = fitted_to(thinned(runs, MOST_WINDOWS), kept, fit.theta[at])
-    progress("what is normal", 0.85)
+    progress("baseline residuals", 0.85)
     now, among = with_found(constants, effects, magnitudes(fit.names, fit.theta))
     car, rest = folded(first.with_constants(now), among)
     steps = units(seen, vehicle)
@@ -154,9 +154,17 @@ def fit_by_prediction(
     of_effects = tuple(u for u in kept if u.name in CATALOGUE)
     return PredictionFit(
         of_effects, of_kind(constants, fit, kept), fit, car, rest, learnt.normal,
-        left_open(day, learnt, [u.name for u in of_effects], asked), held_out, judged, found,
+        left_open(day, learnt, [u.name for u in of_effects], asked, less_known(fit, kept)), held_out, judged, found,
         tuple(name for name in candidates if name not in fit.names), outlook(day, learnt.normal, left, vehicle),
     )  # fmt: skip
+
+
+def less_known(fit: RobustFit, unknowns: Sequence[Unknown]) -> np.ndarray:
+    """By how much the effects' standard deviations grow [n] since what the car's kind alone has is not known either."""
+    information = EVIDENCE * fit.information + np.diag([1.0 / u.prior**2 for u in unknowns])
+    at = [i for i, u in enumerate(unknowns) if u.name in CATALOGUE]
+    alone, together = np.linalg.inv(information[np.ix_(at, at)]), np.linalg.inv(information)[np.ix_(at, at)]
+    return np.asarray(np.sqrt(np.diag(together) / np.diag(alone)))
 
 
 def with_left_out(learnt: Learnt, vehicle: VehicleParameters) -> tuple[Learnt, list[DayRanked]]:
@@ -176,16 +184,18 @@ def sizes_of(first: CarConstants, fit: RobustFit) -> np.ndarray:
     return np.array([max(1.0, abs(by[name])) for name in kind_of(first).DEVIATIONS])
 
 
-def left_open(day: Day, learnt: Learnt, names: Sequence[str], asked: Sequence[DayRanked]) -> LeftOpen:
+def left_open(
+    day: Day, learnt: Learnt, names: Sequence[str], asked: Sequence[DayRanked], wider: np.ndarray | float = 1.0
+) -> LeftOpen:
     """What a baseline leaves open of the effects `names` that were fitted.
 
     Args:
         day: the baseline under the calibrated car; learnt: what it shows of it;
-        asked: what each recording says, left out.
+        asked: what each recording says, left out; wider: factors [n] of their standard deviations (`less_known`).
     """
     normal = learnt.normal
     at = [normal.names.index(name) for name in names]
-    scale = normal.units[at]
+    scale = normal.units[at] * wider
     covariance = normal.unknown[np.ix_(at, at)] * np.outer(scale, scale)
     deviations = WIDER * np.sqrt(np.diag(covariance))
     recordings = sorted({run.recording for run in day.runs})

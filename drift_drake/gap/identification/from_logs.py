@@ -24,8 +24,9 @@ def identify(
 ) -> Identification:  # fmt: skip
     """Calibrates a car on logs: parameters, tolerances, lags, and what the logs cannot identify.
 
-        found = drift_drake.identify(["logs/monday", "logs/tuesday"], "start.yaml")
-        drift_drake.write_vehicle("car.yaml", found.vehicle, found.effects)
+    Examples:
+        >>> found = identify(["logs/monday", "logs/tuesday"], "start.yaml")  # doctest: +SKIP
+        >>> write_vehicle("car.yaml", found.vehicle, found.effects)  # doctest: +SKIP
 
     Args:
         logs: path of a case folder, paths of several (one for each day), or runs of one car;

@@ -95,7 +95,7 @@ def sentences(found: Mapping[str, Sequence[float | None]], recordings: int) -> l
     if not parts:
         return []
     more = f"{recordings} more recording{'s' if recordings > 1 else ''} like these"
-    return [f"{more} would let a diagnosis of another day name {', '.join(parts)}"]
+    return [f"{more} would let a diagnosis of a later log name {', '.join(parts)}"]
 
 
 def never(found: Mapping[str, Sequence[float | None]]) -> list[str]:

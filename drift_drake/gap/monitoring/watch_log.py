@@ -59,8 +59,9 @@ def watch(
 ) -> WatchedDrive:  # fmt: skip
     """Watches a drive row by row: since when the car differs from its simulator, and which effect explains it.
 
-        seen = drift_drake.watch("logs/monday/run_0.csv", "car.yaml")
-        print(seen.events or seen.sentence())
+    Examples:
+        >>> seen = watch("logs/monday/run_0.csv", "car.yaml")  # doctest: +SKIP
+        >>> print(seen.events or seen.sentence())  # doctest: +SKIP
 
     Args:
         log: a run's file, or a run; with torque commands;

@@ -139,6 +139,10 @@ def plan_from_answer(
     Raises:
         UnplannableError: the answer does not hold two hypotheses to tell apart, or was found with other effects in the
             vehicle file; also see `plan_next`.
+
+    Examples:
+        >>> drive = plan_from_answer(read_answer("open.json"), car)  # doctest: +SKIP
+        >>> drive.before, drive.after  # doctest: +SKIP
     """
     sensing, beliefs = beliefs_of(answer)
     if own is not None:

@@ -18,12 +18,12 @@ from drift_drake.view.style import CARS
 
 PACKAGES = ("drift_drake", "drake", "numpy", "scipy", "numba")
 GLOSSARY = {
-    "gap": "what the simulator's car gets wrong about the real one, beyond sensor noise and what is normal for the car",
+    "gap": "what the simulator's car gets wrong about the real one, beyond sensor noise and baseline residuals",
     "nominal car": "the car of the vehicle file, as it is",
     "calibrated car": "the vehicle file that 'drift-drake identify' fitted to logs of a baseline",
     "corrected car": "the nominal or calibrated car with the named effects added",
     "effect": "a physical cause of the catalogue, with a magnitude: a delay, a mass, a friction level",
-    "none": "verdict: no gap beyond tolerances, sensor noise and what is normal for the car",
+    "none": "verdict: no gap beyond tolerances, sensor noise and the car's baseline residuals",
     "unknown": "verdict: there is a gap, and no effect of the catalogue explains it",
     "probability": "posterior probability of a hypothesis, given these logs and the catalogue",
     "95 % interval": "holds the true magnitude with 95 % probability, if the named effect is the cause",

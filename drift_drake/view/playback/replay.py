@@ -33,8 +33,9 @@ def replay(log: str | Path | Run, vehicle: Vehicle, corrected: Vehicle | None = 
            restart: float = 1.0) -> Replayed:  # fmt: skip
     """Plays a log's commands to the simulator's car, and to the corrected one, beside the real car.
 
-        played = drift_drake.replay("logs/monday/run_0.csv", "car.yaml", "corrected.yaml")
-        print(played.sentence())
+    Examples:
+        >>> played = replay("logs/monday/run_0.csv", "car.yaml", (car, {"steering_lag": 0.1}))
+        >>> played.write("replay.html")  # doctest: +SKIP
 
     Args:
         log: a run's file, or a run; vehicle, corrected: vehicle files' paths, parameters, or (parameters, effects);

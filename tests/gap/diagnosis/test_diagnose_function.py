@@ -78,7 +78,7 @@ def test_a_calibration_is_a_path_or_what_was_found(run: Run, asked: dict[str, An
     [
         ({"calibration": "nothing.json"}, "nothing.json"),
         ({"calibration": 3}, "int is none; give what 'identify' found, or its JSON's path"),
-        ({"calibration": "x.json", "row_weight": 0.5}, "has the scales and the row weight; give it or them"),
+        ({"calibration": "x.json", "row_weight": 0.5}, "has the scales and the likelihood tempering exponent"),
         ({"row_weight": 2.0}, "give a number above 0, up to 1"),
         ({"catalogue": ["wind"]}, "unknown effect wind"),
         ({"catalogue": []}, "no effect to consider"),

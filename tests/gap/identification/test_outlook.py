@@ -70,7 +70,7 @@ def test_what_is_gained_is_said():
             "aero_drag": [None, None, None]}  # fmt: skip
     assert gains(told) == ["cg_shift", "mass_error"]
     (sentence,) = sentences(told, 4)
-    assert sentence.startswith("4 more recordings like these would let a diagnosis of another day name cg_shift from")
+    assert sentence.startswith("4 more recordings like these would let a diagnosis of a later log name cg_shift from")
     assert "mass_error from 0.07 on (0.1 now)" in sentence
     assert sentences({"gyro_bias": told["gyro_bias"]}, 1) == []
     assert never(told) == ["aero_drag"]

@@ -76,7 +76,7 @@ def test_a_gps_log_alone_tells_its_path(tmp_path, capsys):
     gps_file(tmp_path / "lap.csv", 0.04 * np.arange(500))
     assert main(["import", "--look", str(tmp_path / "lap.csv")]) == 0
     text = capsys.readouterr().out
-    assert "There is no steering command and no yaw rate, so no sideslip can be told" in text
+    assert "There is no steering command and no yaw rate, so the sideslip cannot be known" in text
     (tmp_path / "m.yaml").write_text(text)
     out = tmp_path / "out"
     assert main(["import", str(tmp_path / "lap.csv"), "--mapping", str(tmp_path / "m.yaml"), "--out", str(out)]) == 0

@@ -25,6 +25,12 @@ if twice := sorted(set(OWN) & set(installed_effects())):
     raise InvalidExtensionError(f"effect {', '.join(twice)}: is in the catalogue already; give yours another name")
 
 CATALOGUE: dict[str, Effect] = OWN | installed_effects()
+"""All effects by name, the package's own and those that other packages install.
+
+Examples:
+    >>> [name for name, effect in CATALOGUE.items() if effect.stage == "command"]
+    ['steering_delay', 'command_clock_error']
+"""
 
 OFF_THE_MOTION = tuple(name for name, effect in CATALOGUE.items() if effect.stage in ("command", "sensor"))
 """Effects that act before the plant (transport delays) or after it (the sensors'), never on its motion."""

@@ -34,7 +34,12 @@ class UnplannableError(DriftDrakeError, ValueError):
 
 @dataclasses.dataclass(frozen=True)
 class Answer:
-    """One case's answer. Beyond the contract's keys: tolerances, reduction by state and horizon, warnings."""
+    """One case's answer. Beyond the contract's keys: tolerances, reduction by state and horizon, warnings.
+
+    Examples:
+        >>> read_answer("answer.json").causes
+        ['steering_lag']
+    """
 
     case: str
     verdict: str  # effect, none or unknown
@@ -69,7 +74,7 @@ class Answer:
             )
         least = self.details.get("at_least", [])
         parts = [_stated(name, self.magnitudes[name], name in least) for name in self.causes]
-        too = ["something else that the catalogue lacks"] if self.details.get("left_over") else []
+        too = ["an additional fault that the catalogue lacks"] if self.details.get("left_over") else []
         probability = self.posterior["+".join(sorted(self.causes))]
         remove = f"{'it removes' if len(parts) == 1 else 'they remove'} {_removed(self.reduction.estimate)}"
         said = f"{' and '.join(parts + too)}, probability {probability:.2f}"
@@ -90,7 +95,7 @@ class Answer:
         leading = "+".join(sorted(self.causes)) or self.verdict
         named = [name for name, p in self.posterior.items() if p >= NAMED and name != leading]
         too = f"{leading}+unknown"
-        more_too = f" Something else may be there too ({self.posterior[too]:.2f})." if too in named else ""
+        more_too = f" An additional fault may be there too ({self.posterior[too]:.2f})." if too in named else ""
         others = [name for name in named if name != too]
         if not others:
             return more_too
@@ -118,7 +123,7 @@ class Answer:
             return f"no gap beyond the car's calibrated baseline {sure[:-1]}{of})"
         worth = self.details.get("row_weight", 1.0)
         if worth < 1.0:
-            beyond = f"the car's persistent model mismatch, at a row weight of {worth:.2g} {sure}"
+            beyond = f"the car's model discrepancy, at a likelihood tempering exponent of {worth:.2g} {sure}"
             return f"no gap beyond the vehicle file's tolerances and {beyond}"
         return "no gap beyond the vehicle file's tolerances and the sensors' noise"
 
@@ -172,7 +177,7 @@ def in_words(name: str) -> str:
     """A hypothesis' name as a sentence has it."""
     causes = name.split("+")
     if len(causes) > 1 and causes[-1] == "unknown":
-        return f"{' and '.join(causes[:-1])} with something else"
+        return f"{' and '.join(causes[:-1])} with an additional fault"
     return " and ".join(causes)
 
 
@@ -235,11 +240,14 @@ def read_answer(path: str | Path) -> Answer:
 
     Raises:
         InvalidAnswerError: unreadable, not JSON, or a key of the contract is missing or holds something else.
+
+    Examples:
+        >>> read_answer("answer.json").magnitudes["steering_lag"].estimate
+        0.1
     """
     remedy = "write it with 'drift-drake diagnose --json'"
-    data = parse_json(
-        read_text(path, InvalidAnswerError, "give the path of an answer"), InvalidAnswerError, str(path), remedy
-    )
+    text = read_text(path, InvalidAnswerError, "give the path of an answer")
+    data = parse_json(text, InvalidAnswerError, str(path), remedy)
     required = ("case", "verdict", "causes", "posterior", "ambiguity", "magnitudes", "where", "reduction", "seconds")
     missing = [key for key in required if not isinstance(data, dict) or key not in data]
     if missing:
@@ -272,19 +280,14 @@ def _answer(data: dict[str, Any]) -> Answer:
     tolerances = _entries("tolerances", data.get("tolerances", {}))
     warnings = data.get("warnings", [])
     return Answer(
-        case=_text("case", data["case"]),
-        verdict=verdict,
-        causes=causes,
-        posterior=posterior,
-        ambiguity=_names("ambiguity", data["ambiguity"]),
-        magnitudes=magnitudes,
-        where=_entries("where", data["where"]),
+        case=_text("case", data["case"]), verdict=verdict, causes=causes, posterior=posterior,
+        ambiguity=_names("ambiguity", data["ambiguity"]), magnitudes=magnitudes, where=_entries("where", data["where"]),
         reduction=_interval("reduction", data["reduction"], finite=verdict == "effect"),
         seconds=_number("seconds", data["seconds"]),
         tolerances={name: _number(f"tolerances.{name}", q) for name, q in tolerances.items()},
         details=_details(data.get("details", {})),
         warnings=[_text("warnings", text) for text in warnings] if isinstance(warnings, list) else [],
-    )
+    )  # fmt: skip
 
 
 def _details(details: Any) -> dict[str, Any]:

@@ -16,6 +16,11 @@ def corrected_vehicle(
     Args:
         tolerances: whether the deviations within tolerance that were found beside them are applied too;
         own: effects that the vehicle had before.
+
+    Examples:
+        >>> corrected, effects = corrected_vehicle(car, read_answer("answer.json"))
+        >>> effects.steering_lag
+        0.1
     """
     magnitudes = {name: answer.magnitudes[name].estimate for name in answer.causes}
     for name, value in answer.details.get("with", {}).items() if answer.causes else ():

@@ -252,8 +252,8 @@ def ranked_hypotheses(
 def unseen_sentence(name: str, q: float) -> str:
     """That the day asks for more of the car's build than its calibration knows."""
     return (
-        f"beside it the day asks for {name} of {q:.2g}{CATALOGUE[name].suffix}, which belongs to the car's build: the "
-        "day of calibration did not show it; calibrate on such drives too"
+        f"these logs also ask for {name} of {q:.2g}{CATALOGUE[name].suffix}, which belongs to the car's build: the "
+        "baseline did not show it; calibrate on such drives too"
     )
 
 

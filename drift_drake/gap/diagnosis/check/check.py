@@ -40,8 +40,9 @@ def check(
 ) -> Checked:  # fmt: skip
     """Assesses logs: rates, columns, noise, bad samples; with a vehicle, what contradicts it and which effects show.
 
-        found = drift_drake.check("logs/monday", "car.yaml")
-        print(found.remarks, found.detection["steering_lag"]["least"])
+    Examples:
+        >>> found = check("logs/monday", "car.yaml")
+        >>> least = found.detection["steering_lag"]["least"]  # [s] that these logs would show
 
     Args:
         logs: path of a case folder or of a run's file, or runs; vehicle: vehicle file's path, parameters, or

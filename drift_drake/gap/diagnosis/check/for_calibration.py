@@ -15,8 +15,8 @@ from drift_drake.gap.identification.options import KNOWN
 from drift_drake.gap.identification.outlook import TIMES, Outlook, never
 
 WITHOUT_BETA = (
-    "column beta is missing: a calibration goes by likelihood; whether recordings agree, and what another day would "
-    "show, can only be told with the sideslip logged"
+    "column beta is missing: a calibration goes by likelihood; whether recordings agree, and what a later log "
+    "would show, can only be known with the sideslip logged"
 )
 
 
@@ -70,7 +70,7 @@ def said(found: ForCalibration) -> list[str]:
     named = {name: column for name, column in found.outlook.items() if name not in never(found.outlook)}
     if named:
         times = ", ".join(f"{n}" for n in TIMES)
-        lines.append(f"another day would show, from this magnitude on, after {times} times as many such recordings:")
+        lines.append(f"a later log would show, from this magnitude on, after {times} times as many such recordings:")
         lines += [f"  {name} {limits(column)}{CATALOGUE[name].suffix}" for name, column in named.items()]
     unseen = never(found.outlook)
     if unseen:

@@ -18,8 +18,9 @@ def report(
 ) -> str:
     """The report of what `diagnose` or `identify` found, as HTML that loads nothing from elsewhere.
 
-        found = drift_drake.diagnose("logs/monday", "car.yaml")
-        drift_drake.report(found, "answer.html")
+    Examples:
+        >>> found = diagnose("logs/monday", "car.yaml")  # doctest: +SKIP
+        >>> page = report(found, "answer.html")  # doctest: +SKIP
 
     Args:
         path: where to write it, too; source: what the page says of where it came from.

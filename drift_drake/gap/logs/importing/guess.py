@@ -196,7 +196,7 @@ def _choices_said(found: Mapping[str, ColumnChoice], choices: Mapping[str, list[
         if name in found and others:
             sentences.append(f"{name} is taken from {found[name].column}; it may also be {listed}.")
         elif others and name in NEEDED and not ({"vx", "vy"} <= set(found) and name == "v"):
-            sentences.append(f"{name} may be {listed}, whose name says that it is something else.")
+            sentences.append(f"{name} may be {listed}, whose name says that it is another quantity.")
         if name == "v" and name in found and found[name].rank >= DRIVEN and fit("omega_r", found[name].column):
             sentences.append("v is the wheels' speed, which slips: take the car's own if there is one.")
     return sentences

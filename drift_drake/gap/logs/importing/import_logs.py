@@ -27,8 +27,9 @@ def import_logs(
 ) -> Imported:  # fmt: skip
     """Turns a recorder's files into runs of the log format, and writes them as a case folder where `out` is given.
 
-        imported = drift_drake.import_logs("lap.mcap", "mine.yaml", out="logs/monday")
-        print(imported.report.remarks)
+    Examples:
+        >>> imported = import_logs("lap.mcap", "mine.yaml", out="logs/monday")  # doctest: +SKIP
+        >>> print(imported.report.remarks)  # doctest: +SKIP
 
     Args:
         recordings: a file, or files of one vehicle on one day; mapping: a mapping file's path, a preset's name, or a

@@ -75,6 +75,6 @@ def not_given(missing: Sequence[str]) -> str:
     )
     rest = NEITHER[len(missing) > 1]
     return (
-        f"A position tells path, speed, course and lateral acceleration. There is no {names}, so no sideslip can be "
-        f"told, and check, identify, diagnose, choose and watch cannot be used: record {rest} too{instead}."
+        f"A position gives path, speed, course and lateral acceleration. There is no {names}, so the sideslip "
+        f"cannot be known, and check, identify, diagnose, choose and watch cannot be used: record {rest} too{instead}."
     )

@@ -38,7 +38,7 @@ def test_a_rival_of_none_has_its_detection_limit():
 
 def test_a_cause_with_something_else_is_said_in_words():
     posterior = {"none": 0.4, "mass_error+unknown": 0.6}
-    assert "mass_error with something else (0.60" in dataclasses.replace(ANSWER, posterior=posterior).sentence()
+    assert "mass_error with an additional fault (0.60" in dataclasses.replace(ANSWER, posterior=posterior).sentence()
 
 
 def test_the_four_decisions_are_said():
@@ -54,7 +54,7 @@ def test_the_four_decisions_are_said():
     )  # fmt: skip
     assert "a gap whose cause these logs leave open: most likely mass_error" in cause.sentence()
     left = dataclasses.replace(cause, details={"decision": "cause", "left_over": {"share": 0.4}})
-    assert "mass_error 0.1 (95 %: 0.08 to 0.12) and something else that the catalogue lacks" in left.sentence()
+    assert "mass_error 0.1 (95 %: 0.08 to 0.12) and an additional fault that the catalogue lacks" in left.sentence()
 
 
 def test_a_cause_with_something_else_too_is_no_rival_of_itself():
@@ -65,7 +65,7 @@ def test_a_cause_with_something_else_too_is_no_rival_of_itself():
     )  # fmt: skip
     said = found.sentence()
     assert "instead" not in said
-    assert said.endswith("Something else may be there too (0.20).")
+    assert said.endswith("An additional fault may be there too (0.20).")
 
 
 def test_many_rivals_are_counted():

@@ -174,7 +174,7 @@ def test_none_says_how_little_a_row_was_worth(diagnosis):
     assert answer.details["row_weight"] == 1.0
     assert answer.sentence().endswith("tolerances and the sensors' noise.")
     light = dataclasses.replace(answer, details={"row_weight": 0.0011})
-    assert "persistent model mismatch, at a row weight of 0.0011 (probability 0.60)" in light.sentence()
+    assert "model discrepancy, at a likelihood tempering exponent of 0.0011 (probability 0.60)" in light.sentence()
 
 
 def test_a_number_that_is_none_is_written_as_null_and_no_reduction_of_an_effect(diagnosis, tmp_path):

@@ -1,0 +1,32 @@
+"""Pictures of the pages: each has an alt text that says what it shows, and is small enough for a phone's connection."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
+SHOWN = re.compile(r"!\[([^]]*)\]\(([^)\s]+)|<img\b([^>]*)>")
+LEAST, LARGEST = 20, 1.5e6  # letters, bytes
+
+
+def pictures(text: str) -> list[tuple[str, str]]:
+    """(alt text, file) of each picture that a page shows."""
+    found = []
+    for alt, file, tag in SHOWN.findall(text):
+        named = dict(re.findall(r'(\w+)="([^"]*)"', tag))
+        found.append((named.get("alt", ""), named.get("src", "")) if tag else (alt, file))
+    return found
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
+def test_each_picture_has_an_alt_text_and_is_small(page: Path) -> None:
+    for alt, file in pictures(page.read_text(encoding="utf-8")):
+        assert len(alt) >= LEAST, f"{file}: say in its alt text what it shows"
+        assert (page.parent / file).stat().st_size <= LARGEST, file
+
+
+def test_pictures_are_found_in_either_form() -> None:
+    text = 'A ![what it shows](a.png) and <img alt="the other" src="b.gif" width="390">, no [link](c.md).'
+    assert pictures(text) == [("what it shows", "a.png"), ("the other", "b.gif")]

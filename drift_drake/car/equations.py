@@ -24,7 +24,8 @@ EQUATIONS: dict[type, ModuleType] = {Constants: single_track, DoubleTrackConstan
 
 
 def kind_of(constants: CarConstants) -> ModuleType:
-    """The module of a car's equations; `LACKS`: effects that mean nothing on it."""
+    """The module of a car's equations; `LACKS`: effects that mean nothing on it; `STEPPED`: whether its internal states
+    follow a measured motion by the steps of a prediction."""
     return EQUATIONS[type(constants)]
 
 

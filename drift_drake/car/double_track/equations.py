@@ -6,7 +6,6 @@ import numpy as np
 
 from drift_drake.car.double_track.deviations import DEVIATIONS, deviated, value_of
 from drift_drake.car.double_track.motion import (
-    LOCKING_SPEED,
     MIN_RELAXATION_SPEED,
     NOT_OF_THIS_CAR,
     OwnStates,
@@ -17,11 +16,12 @@ from drift_drake.car.double_track.parameters import changed_constants
 from drift_drake.car.effects.catalogue import CATALOGUE, PARAMETRIC
 from drift_drake.car.scalar import fixed_tuple, jitable
 
-__all__ = ["DEVIATIONS", "FOLDED", "LACKS", "SIZE", "changed_constants", "decays", "deviated", "fastest", "rates",
-           "settle", "value_of"]  # fmt: skip
+__all__ = ["DEVIATIONS", "FOLDED", "LACKS", "SIZE", "STEPPED", "changed_constants", "decays", "deviated", "fastest",
+           "rates", "settle", "value_of"]  # fmt: skip
 
 OWN = len(OwnStates._fields)
 SIZE = 5 + OWN
+STEPPED = True  # rims ring in their tyres: along a measured motion internal states need a prediction's steps
 LACKS = NOT_OF_THIS_CAR  # effects that mean nothing on this car
 FOLDED = tuple(name for name, effect in CATALOGUE.items() if name in PARAMETRIC or effect.double_track == "parameter")
 """Effects that `changed_constants` puts into its numbers."""
@@ -59,14 +59,4 @@ def fastest(z: Any, constants: Any, effects: Any) -> Any:
 
 @jitable
 def decays(z: Any, constants: Any, effects: Any, out: Any) -> None:
-    """Writes the rates [1/s] of the slips, of loads, and of the rims' difference against slips that follow at once."""
-    p = changed_constants(constants, effects)
-    v = max(z[1], MIN_RELAXATION_SPEED)
-    lateral, longitudinal = v / p.rear_tire.lateral_relaxation, v / p.rear_tire.longitudinal_relaxation
-    turning = p.wheel_radius / p.wheel_inertia
-    locking = (p.differential_preload + p.differential_share * p.gear_ratio * abs(z[6])) / LOCKING_SPEED
-    out[7] = turning * (p.rear_tire.longitudinal_stiffness * p.wheel_radius / v + locking)
-    out[10] = out[11] = 1.0 / p.load_time
-    out[12] = out[13] = v / p.front_tire.lateral_relaxation
-    out[14] = out[15] = lateral
-    out[16] = out[17] = longitudinal
+    """None: internal states are stepped."""

@@ -13,6 +13,7 @@ from drift_drake.car.single_track.motion_with_effects import changed_constants, 
 
 HELD = MEMORIES - 2  # of `Memory`: all but the commands', which are known
 SIZE = 5 + HELD
+STEPPED = False  # internal states are slow, or few: half an implicit step a row follows them (`decays`)
 LACKS: tuple[str, ...] = ()  # effects that mean nothing on this car
 DEVIATIONS: dict[str, Deviation] = {}  # of what a vehicle file says nothing of
 FOLDED = tuple(name for name in CATALOGUE if name in PARAMETRIC)  # that `changed_constants` puts into its numbers

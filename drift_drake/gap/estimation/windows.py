@@ -17,7 +17,7 @@ import numpy as np
 from drift_drake.car.compilation import compiled
 from drift_drake.car.effects.catalogue import wheelbase
 from drift_drake.car.effects.magnitudes import Effects, unbiased
-from drift_drake.car.equations import CarConstants, decays, fastest, rates, settle, size_of
+from drift_drake.car.equations import CarConstants, decays, fastest, kind_of, rates, settle, size_of
 from drift_drake.car.integrate import runge_kutta
 from drift_drake.car.log.table import Run
 from drift_drake.car.parameters import VehicleParameters
@@ -166,7 +166,7 @@ def _measured_speeds(y: Any, effects: Any) -> Any:
 @compiled
 def predict_windows(
     start_y: Any, y: Any, starts: Any, stride_rows: Any, delta: Any, torque: Any, period: Any, constants: Any,
-    effects: Any, fed: Any, pushes: Any, size: Any, out: Any,
+    effects: Any, fed: Any, pushes: Any, size: Any, stepped: Any, out: Any,
 ) -> Any:  # fmt: skip
     """Prediction errors out [windows, horizons, 5], measured less predicted, of the windows of one run.
 
@@ -174,7 +174,8 @@ def predict_windows(
         start_y, y: smoothed and raw measurements [rows, 5]; starts: rows [windows], ascending; stride_rows: between
             horizons; delta, torque: on the stages' grid (`filter_state.actuated`); constants: of any car
             (`car.equations`); effects: without those of actuators; pushes: further force and moment on the body
-            [rows, 3] (`road.on_road`), none with zero rows; size: states of the car.
+            [rows, 3] (`road.on_road`), none with zero rows; size: states of the car; stepped: its internal states
+            follow the measured motion by the steps of a prediction, row by row from what is measured.
     """
     pushed = pushes.shape[0] == y.shape[0]
     z, carried, k, w, push = np.zeros(size), np.zeros(size), np.zeros(size), np.zeros((2, size)), np.zeros(3)
@@ -188,7 +189,12 @@ def predict_windows(
         while at_row < start:
             if pushed:
                 push[:] = pushes[at_row]
-            for step in range(follow):
+            if stepped:
+                _measured_state(start_y[at_row], effects, carried)
+                _advance(carried, delta, torque, at_row, period, constants, effects, fed,
+                         _measured_speeds(start_y[at_row], effects), _measured_speeds(start_y[at_row + 1], effects),
+                         push, k, w)  # fmt: skip
+            for step in range(0 if stepped else follow):
                 share = (step + 0.5) / follow
                 at = STAGES * (at_row + share)
                 _measured_state(start_y[at_row] + share * (start_y[at_row + 1] - start_y[at_row]), effects, carried)
@@ -230,7 +236,8 @@ def run_errors(
     out = np.empty((len(run.starts), horizons, len(PREDICTED)))
     dynamic, banked = on_road(run.bank, constants.mass, constants.gravity, without_actuators(effects))
     predict_windows(run.start_y, run.y, run.starts, run.stride_rows, delta, torque, run.period, constants,
-                    run.read_with(dynamic), run.fed, with_bank(push, banked), size_of(constants), out)  # fmt: skip
+                    run.read_with(dynamic), run.fed, with_bank(push, banked), size_of(constants),
+                    kind_of(constants).STEPPED, out)  # fmt: skip
     out[..., ~run.used] = 0.0
     return out
 

@@ -141,12 +141,7 @@ class VehicleParameters:
         if self.steering_limit >= math.pi / 2:
             raise InvalidVehicleError(f"steering_limit is {self.steering_limit:g} rad; give it in radians, below pi/2")
         self._tyre_place()
-        for field in dataclasses.fields(self.tolerance):
-            value = getattr(self.tolerance, field.name)
-            if not is_number(value) or value < 0.0:
-                raise InvalidVehicleError(
-                    f"tolerance.{field.name} is {shown(value)}; give a standard deviation, zero or more"
-                )
+        check_tolerance(self.tolerance)
 
     def command_limits(self) -> tuple[Array, Array]:
         """Least and greatest command (delta [rad], tau [N m])."""
@@ -262,6 +257,13 @@ def check_numbers(parameters: Any) -> None:
             raise InvalidVehicleError(f"{field.name} ({symbol}) is {shown(value)}; give a finite number in {unit}")
         if field.metadata["positive"] and value <= 0.0:
             raise InvalidVehicleError(f"{field.name} ({symbol}) is {value:g}; it must be positive, in {unit}")
+
+
+def check_tolerance(tolerance: Tolerance) -> None:
+    """Raises InvalidVehicleError where a tolerance is no standard deviation."""
+    for name, value in vars(tolerance).items():
+        if not is_number(value) or value < 0.0:
+            raise InvalidVehicleError(f"tolerance.{name} is {shown(value)}; give a standard deviation, zero or more")
 
 
 def check_torques(low: float, high: float) -> None:

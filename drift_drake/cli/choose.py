@@ -2,7 +2,7 @@
 
 import dataclasses
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import tyro
 
@@ -14,9 +14,6 @@ from drift_drake.common.interruption import ended_at_once
 from drift_drake.common.safe_files import try_outputs
 from drift_drake.common.standard_output import progress_bar, said_to, write_results
 from drift_drake.gap.choose.usable_drives import check_drives
-
-if TYPE_CHECKING:
-    pass
 
 
 @dataclasses.dataclass(frozen=True)

@@ -10,6 +10,7 @@ from drift_drake.car.parameters import (
     Tolerance,
     VehicleParameters,
     check_numbers,
+    check_tolerance,
     check_torques,
     entry,
 )
@@ -216,6 +217,7 @@ class DoubleTrackParameters:
             if getattr(self, name) < 0.0:
                 raise InvalidVehicleError(f"{name} is {getattr(self, name):g}; give zero or more")
         check_torques(self.torque_min, self.torque_max)
+        check_tolerance(self.tolerance)
         if self.front_unsprung_mass + self.rear_unsprung_mass >= self.mass:
             raise InvalidVehicleError("the unsprung masses must weigh less than the car (mass)")
         if self.rear_axle_inertia < 2.0 * self.wheel_inertia:

@@ -28,8 +28,6 @@ from drift_drake.gap.estimation.scores import (
     spread,
 )
 
-NONE_OF_KIND = np.empty(0)
-
 
 class Learnt(NamedTuple):
     """What a day of calibration shows of its car."""
@@ -40,13 +38,7 @@ class Learnt(NamedTuple):
 
 
 def learn_normal(
-    day: Day,
-    names: tuple[str, ...],
-    steps: np.ndarray,
-    prior: np.ndarray,
-    everyday: np.ndarray,
-    left: np.ndarray,
-    kind_units: np.ndarray = NONE_OF_KIND,
+    day: Day, names: tuple[str, ...], steps: np.ndarray, prior: np.ndarray, everyday: np.ndarray, left: np.ndarray
 ) -> Learnt:
     """What is normal, from the day of calibration.
 
@@ -54,7 +46,7 @@ def learn_normal(
         day: the logs that the car was calibrated on, under the calibrated car; steps: units of the effects `names`;
         prior: standard deviations [n] of the effects, in their units, before those logs; everyday: the same of what
             they differ by from one recording to the next at least (`between_recordings`); left: what the car may
-            deviate by (`left_of`); kind_units: of the deviations of the car's kind, in standard deviations.
+            deviate by (`left_of`).
     """
     n, of_kind = len(names), tuple(kind_of(day.constants).DEVIATIONS)
     scales = robust_scales(day.errors)
@@ -69,7 +61,7 @@ def learn_normal(
                                                       steps)  # fmt: skip
     offset = np.median(day.errors, axis=0)
     normal = Normal(
-        names=tuple(names), of_kind=of_kind, kind_units=kind_units,
+        names=tuple(names), of_kind=of_kind, kind_units=day.kind_units,
         stride=day.runs[0].stride, units=steps, scales=scales, precision=precision,
         standard=day.standard, slipping=seen.slipping, blocks=seen.blocks,
         covariance=seen.covariance, information=seen.information, ratio=seen.ratio, expected=known.mean,

@@ -85,6 +85,7 @@ class Day:
     run: np.ndarray  # [windows] index of the run
     weights: np.ndarray  # [windows] below one where the car is driven harder than on the day of calibration
     standard: np.ndarray  # of the driving, on the day of calibration (`partial.standards`)
+    kind_units: np.ndarray  # of the deviations of the car's kind, in their standard deviations [k]
 
     @property
     def ahead(self) -> list[str]:
@@ -119,7 +120,7 @@ class Day:
 def make_day(
     runs: Sequence[WindowedRun], constants: CarConstants, own: Effects, names: Sequence[str], steps: np.ndarray,
     normal: Normal | None = None, threads: int = THREADS, of_kind: np.ndarray | None = None,
-    kind_units: np.ndarray | None = None,
+    kind_units: np.ndarray | float = 1.0,
 ) -> Day:  # fmt: skip
     """A day's errors under the calibrated car and their derivatives by the effects `names`, in units of `steps`, by
     their partial ones, and by the deviations of the car's kind, in units of their standard deviations.
@@ -140,14 +141,14 @@ def make_day(
     jacobian = np.stack(moved[: len(names)], axis=-1)
     standard = standards(runs) if normal is None else normal.standard
     free = {name: scaled(column, scales) for name, column in free_columns(runs, constants, own, at).items()}
+    sizes = np.broadcast_to(kind_units if normal is None else normal.kind_units, len(kind.DEVIATIONS))
     more = [of_kind]
     if of_kind is None:
-        sizes = normal.kind_units if normal else np.ones(len(kind.DEVIATIONS)) if kind_units is None else kind_units
         more = [size * column[..., None] for size, column in zip(sizes, moved[len(names) :], strict=True)]
     jacobian = np.concatenate([jacobian, partial_columns(jacobian, names, runs, standard, free)[1], *more], axis=-1)
     run = np.repeat(np.arange(len(runs)), [len(run.starts) for run in runs])
     weights = np.ones(len(at)) if normal is None else familiarity(runs, normal.covered)
-    return Day(runs, constants, own, at, jacobian, block_of(runs), run, weights, standard)
+    return Day(runs, constants, own, at, jacobian, block_of(runs), run, weights, standard, sizes)
 
 
 def scaled(moved: np.ndarray, scales: np.ndarray) -> np.ndarray:

@@ -146,10 +146,9 @@ def fit_by_prediction(
     car, rest = folded(first.with_constants(now), among)
     steps = units(seen, vehicle)
     prior = np.array([prior_of(name, vehicle, stated) for name in seen]) / steps
-    sizes = sizes_of(constants, fit)
-    day = make_day(thinned(runs, MOST_LEARNT), car.constants(), rest, seen, steps, kind_units=sizes)
+    day = make_day(thinned(runs, MOST_LEARNT), car.constants(), rest, seen, steps, kind_units=sizes_of(constants, fit))
     left = left_of(prior, np.isin(seen, fit.names))
-    learnt = learn_normal(day, tuple(seen), steps, prior, between_recordings(seen, vehicle) / steps, left, sizes)
+    learnt = learn_normal(day, tuple(seen), steps, prior, between_recordings(seen, vehicle) / steps, left)
     learnt, asked = with_left_out(learnt, car.single_track())
     of_effects = tuple(u for u in kept if u.name in CATALOGUE)
     return PredictionFit(
@@ -159,9 +158,14 @@ def fit_by_prediction(
     )  # fmt: skip
 
 
+def information_of(fit: RobustFit, unknowns: Sequence[Unknown]) -> np.ndarray:
+    """Of all that was fitted [n, n], priors and logs."""
+    return np.asarray(EVIDENCE * fit.information + np.diag([1.0 / u.prior**2 for u in unknowns]))
+
+
 def less_known(fit: RobustFit, unknowns: Sequence[Unknown]) -> np.ndarray:
     """By how much the effects' standard deviations grow [n] since what the car's kind alone has is not known either."""
-    information = EVIDENCE * fit.information + np.diag([1.0 / u.prior**2 for u in unknowns])
+    information = information_of(fit, unknowns)
     at = [i for i, u in enumerate(unknowns) if u.name in CATALOGUE]
     alone, together = np.linalg.inv(information[np.ix_(at, at)]), np.linalg.inv(information)[np.ix_(at, at)]
     return np.asarray(np.sqrt(np.diag(together) / np.diag(alone)))
@@ -221,15 +225,15 @@ def predicted_with(
 def of_kind(first: CarConstants, fit: RobustFit, kept: Sequence[Unknown]) -> dict[str, Parameter]:
     """What a kind of car alone has, with intervals from the fit's information."""
     kind = kind_of(first)
-    covariance = np.linalg.inv(EVIDENCE * fit.information + np.diag([1.0 / u.prior**2 for u in kept]))
+    covariance = np.linalg.inv(information_of(fit, kept))
     out = {}
     for name, deviation in kind.DEVIATIONS.items():
-        at, sigma = fit.names.index(name), kind.value_of(name, first)
+        at, start = fit.names.index(name), kind.value_of(name, first)
         by, spread = float(fit.theta[at]), min(float(np.sqrt(covariance[at, at])), 1.0)
-        low, value, high, further = (deviation.moved(sigma, by + share * spread)
+        low, value, high, further = (deviation.moved(start, by + share * spread)
                                      for share in (-TWO_SIDED, 0.0, TWO_SIDED, 1.0))  # fmt: skip
         size = (further - value) / spread
-        out[name] = Parameter(deviation.unit, sigma, value, low, high, size * spread, size, 1.0, "free")
+        out[name] = Parameter(deviation.unit, start, value, low, high, size * spread, size, 1.0, "free")
     return out
 
 

@@ -56,8 +56,7 @@ def forecast(
     everyday = between_recordings(seen, vehicle) / steps
     own = [name for name in OWN if name in seen and CATALOGUE[name].tolerance not in known]
     left = left_of(prior, np.isin(seen, own))
-    usual = np.ones(len(kind_of(car.constants()).DEVIATIONS))
-    learnt = learn_normal(day, tuple(seen), steps, prior, everyday, left, usual)
+    learnt = learn_normal(day, tuple(seen), steps, prior, everyday, left)
     return Forecast(
         left_open(day, learnt, own, asked_in_turn(learnt, vehicle)), outlook(day, learnt.normal, left, vehicle)
     )

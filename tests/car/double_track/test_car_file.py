@@ -73,3 +73,11 @@ def test_a_parameter_that_is_missing_is_named(tmp_path: Path) -> None:
     path.write_text("".join(line for line in path.read_text().splitlines(True) if "cg_height" not in line))
     with pytest.raises(InvalidVehicleError, match=r"car\.yaml: double_track: missing cg_height; add a line"):
         read_double_track(path)
+
+
+def test_a_tolerance_that_is_none_names_the_file(tmp_path: Path) -> None:
+    path = tmp_path / "car.yaml"
+    write_vehicle(path, CARS["coupe"])
+    path.write_text(path.read_text().replace("    friction: 0.01", "    friction: -0.01"))
+    with pytest.raises(InvalidVehicleError, match=r"car\.yaml: .*tolerance\.friction is -0\.01; give a standard"):
+        read_double_track(path)

@@ -13,8 +13,9 @@ import numpy as np
 
 from drift_drake.car.effects.catalogue import CATALOGUE
 from drift_drake.car.effects.magnitudes import Effects
+from drift_drake.car.equations import kind_of
 from drift_drake.car.log.table import InvalidLogError, Run
-from drift_drake.car.parameters import CarParameters
+from drift_drake.car.parameters import CarParameters, InvalidVehicleError
 from drift_drake.common.standard_output import Progress
 from drift_drake.gap.diagnosis.answers.answer import Answer
 from drift_drake.gap.diagnosis.calibrated.changed_car import judged, left_in, reduction, stated, where
@@ -211,8 +212,14 @@ def search_of(
     """The search for causes in usable runs of one day, among the effects of these names.
 
     Raises:
-        InvalidLogError: a column is missing, or there is too little driving.
+        InvalidLogError: a column is missing, or there is too little driving;
+        InvalidVehicleError: the car is of another kind than the one that was calibrated.
     """
+    if tuple(kind_of(vehicle.constants()).DEVIATIONS) != normal.of_kind:
+        raise InvalidVehicleError(
+            f"{case}: the calibration is of another kind of car (single-track or double-track) than the vehicle file; "
+            "give the file that 'drift-drake identify' wrote with it (--out)"
+        )
     if any(run.beta is None for run in runs):
         raise InvalidLogError(
             f"{case}: column beta is missing; a car that was calibrated by prediction is diagnosed from logs with it"

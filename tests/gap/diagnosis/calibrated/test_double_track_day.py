@@ -98,6 +98,13 @@ def test_what_asks_for_a_single_track_car_says_so(
     assert "Traceback" not in said
 
 
+def test_a_calibration_of_the_other_kind_of_car_is_refused(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    asked = ["diagnose", str(folder / "late"), "--vehicle", str(folder / "start.yaml"), "--calibration",
+             str(folder / "car.json"), "--quiet"]  # fmt: skip
+    assert main(asked) == BAD_INPUT
+    assert "the calibration is of another kind of car" in capsys.readouterr().err
+
+
 def test_a_car_driven_at_both_axles_is_no_double_track_one(other_car: OtherCar) -> None:
     driven = other_car.guess.replace(front_coupling=1.0)
     assert not may_have_two_tracks(other_car.runs, driven)

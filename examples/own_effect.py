@@ -12,21 +12,21 @@ from drift_drake import Effect, VehicleParameters
 from drift_drake.car.scalar import cos, sin
 
 
-def push(r: Any, v: Any, beta: Any, omega_r: Any, psi: Any, car: Any, magnitude: Any) -> Any:
+def side_wind(r: Any, v: Any, beta: Any, omega_r: Any, psi: Any, car: Any, magnitude: Any) -> Any:
     """A wind along the fixed frame's y: force in the body frame [N], yaw moment [N m]."""
     return magnitude * sin(psi), magnitude * cos(psi), 0.3 * magnitude
 
 
 SIDE_WIND = Effect(
     "N", -1500.0, 1500.0, "a wind pushes with q along the fixed frame's y",
-    needs=("psi",), mass=1.0, shown_by="straight stretches there and back", force=push,
+    needs=("psi",), mass=1.0, shown_by="straight stretches there and back", force=side_wind,
 )  # fmt: skip
 
 
 def main() -> tuple[float, float, float]:
     """The force on a car that heads along x."""
     car = VehicleParameters()
-    force: tuple[float, float, float] = push(0.0, 20.0, 0.0, 20.0, 0.0, car.constants(), 800.0)
+    force: tuple[float, float, float] = side_wind(0.0, 20.0, 0.0, 20.0, 0.0, car.constants(), 800.0)
     low, high = SIDE_WIND.range_for(car.replace(mass=825.0))
     print(f"800 N of wind push with {force}; a car of half the mass has {low:.0f} to {high:.0f} N")
     return force

@@ -107,10 +107,10 @@ def write_page(
     drifts = {kind: run.table for kind, run in runs.items()}
     tables = {NAMES[kind]: table for kind, table in drifts.items()}
     compared = {NAMES[kind]: drifts[kind] for kind in COMPARED}
-    name, errors, beside = replayed_log(diagnosis, config.log)
+    name, errors, replayed = replayed_log(diagnosis, config.log)
     replays = [
         written(lambda path: replay(tables, path, eight, parameters, "The figure-8, seven times")),
-        written(lambda path: replay(beside, path, parameters=parameters, title=name, camera="follow",
+        written(lambda path: replay(replayed, path, parameters=parameters, title=name, camera="follow",
                                     note=f"Simulated cars start from the real one every {RESTART:g} s.")),
     ]  # fmt: skip
     loader = jinja2.FileSystemLoader([TEMPLATE.parent, pages.FOLDER])
@@ -136,7 +136,7 @@ def write_page(
         errors=errors,
         units=UNITS,
         restart=RESTART,
-        beside=picture(side_by_side(beside)),
+        replayed=picture(side_by_side(replayed)),
         log_replay=embedded(replays[1]),
         hidden=hidden(numbers["truth"], diagnosis),
         machine=machine(),

@@ -159,8 +159,10 @@ def report(results: dict[str, list[tuple[Command, Result]]]) -> str:
         lines.append(f"| {page} | {' | '.join(map(str, counts))} |")
     lines.append("")
     for kind in ("false", "not checked"):
-        told = [(command, result) for found in results.values() for command, result in found if result.verdict == kind]
-        lines += [f"- {kind}: {command.page}: `{command.text}`: {result.reason}" for command, result in told]
+        of_kind = [
+            (command, result) for found in results.values() for command, result in found if result.verdict == kind
+        ]
+        lines += [f"- {kind}: {command.page}: `{command.text}`: {result.reason}" for command, result in of_kind]
     return "\n".join(lines) + "\n"
 
 

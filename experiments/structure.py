@@ -1,4 +1,4 @@
-"""The package's structure, from its imports: rooms, what a command, a log and an effect pass through, and a picture.
+"""The package's structure, from its imports: folders, what a command, a log and an effect pass through, and a picture.
 
     python -m experiments.structure --out docs/structure.png
     python -m experiments.structure --commit 7d596cc --command cli
@@ -38,7 +38,7 @@ class StructureConfig:
     command: str = "cli/diagnose"
     """Module of the command that is followed."""
     out: Path | None = None
-    """Picture of the rooms (PNG or SVG)."""
+    """Picture of the folders (PNG or SVG)."""
 
 
 class Tree:
@@ -97,17 +97,17 @@ class Tree:
         return [(n.end_lineno or n.lineno) - n.lineno + 1 for n in nodes]
 
 
-def room(module: str) -> str:
+def folder(module: str) -> str:
     """The folder of a module: two deep at most."""
     return "/".join(module.split("/")[:-1][:2]) or "."
 
 
-def rooms(tree: Tree) -> dict[str, set[str]]:
-    """Rooms, and those that each imports from; a folder and what lies in it are one, and do not import each other."""
-    out: dict[str, set[str]] = {room(name): set() for name in tree.text}
+def folders(tree: Tree) -> dict[str, set[str]]:
+    """Folders, and those that each imports from; a folder and what lies in it are one, and do not import each other."""
+    out: dict[str, set[str]] = {folder(name): set() for name in tree.text}
     for name, imported in tree.imports.items():
-        own = room(name).split("/")
-        out[room(name)] |= {r for r in map(room, imported) if not _one(own, r.split("/"))}
+        own = folder(name).split("/")
+        out[folder(name)] |= {r for r in map(folder, imported) if not _one(own, r.split("/"))}
     return out
 
 
@@ -117,7 +117,7 @@ def _one(first: list[str], second: list[str]) -> bool:
 
 
 def mutual(graph: dict[str, set[str]]) -> list[tuple[str, str]]:
-    """Pairs of rooms that import from each other."""
+    """Pairs of folders that import from each other."""
     return sorted((a, b) for a in graph for b in graph[a] if a < b and a in graph[b])
 
 
@@ -129,13 +129,13 @@ def numbers(tree: Tree, command: str) -> dict[str, object]:
     return {
         "modules": len(tree.text),
         "lines": sum(lines),
-        "rooms": len(rooms(tree)),
-        "pairs of rooms that import from each other": len(mutual(rooms(tree))),
-        "most modules in one room": max(sum(room(n) == r for n in tree.text) for r in rooms(tree)),
+        "folders": len(folders(tree)),
+        "pairs of folders that import from each other": len(mutual(folders(tree))),
+        "most modules in one folder": max(sum(folder(n) == r for n in tree.text) for r in folders(tree)),
         "longest file": max(lines),
         "functions above 60 lines": sum(length > 60 for length in lengths),
         f"modules behind `{command}`": len(reached),
-        f"rooms behind `{command}`": len({room(n) for n in reached}),
+        f"folders behind `{command}`": len({folder(n) for n in reached}),
         "modules that take a log": len(runs),
         "modules that name one effect, median": statistics.median(named),
         "modules that name one effect, most": max(named),
@@ -143,14 +143,14 @@ def numbers(tree: Tree, command: str) -> dict[str, object]:
 
 
 def draw(tree: Tree, path: Path) -> None:
-    """Rooms as boxes with their modules counted, the ones that others rest on at the bottom."""
+    """Folders as boxes with their modules counted, the ones that others rest on at the bottom."""
     graph = pygraphviz.AGraph(directed=True, rankdir="TB", nodesep=0.15, ranksep=0.35, dpi=110)
     graph.node_attr.update(shape="box", style="rounded,filled", fillcolor="#E4EAF1", color="#8A929C", fontname="sans")
     graph.edge_attr.update(color="#8A929C", arrowsize=0.6)
-    for name, imported in rooms(tree).items():
-        if name == "." or not any(room(n) == name and not n.endswith("__init__") for n in tree.text):
+    for name, imported in folders(tree).items():
+        if name == "." or not any(folder(n) == name and not n.endswith("__init__") for n in tree.text):
             continue
-        graph.add_node(name, label=f"{name}\\n{sum(room(n) == name for n in tree.text)}")
+        graph.add_node(name, label=f"{name}\\n{sum(folder(n) == name for n in tree.text)}")
         for other in imported - {"."}:
             graph.add_edge(name, other)
     graph.tred().draw(str(path), prog="dot")
@@ -171,7 +171,7 @@ def main(config: StructureConfig) -> None:
     tree = tree_of(config)
     for name, number in numbers(tree, config.command).items():
         print(f"{name}: {number}")
-    for one, other in mutual(rooms(tree)):
+    for one, other in mutual(folders(tree)):
         print(f"  both ways: {one}, {other}")
     if config.out is not None:
         draw(tree, config.out)

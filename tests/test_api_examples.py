@@ -73,6 +73,6 @@ def test_its_example_runs(name: str, names: dict[str, Any], monkeypatch: pytest.
     assert "Examples:\n" in text
     example = doctest.DocTestParser().get_doctest(text, dict(names), name, name, 0)
     assert example.examples
-    told: list[str] = []
-    failed = doctest.DocTestRunner(optionflags=doctest.NORMALIZE_WHITESPACE).run(example, out=told.append).failed
-    assert not failed, "".join(told)
+    reported: list[str] = []
+    failed = doctest.DocTestRunner(optionflags=doctest.NORMALIZE_WHITESPACE).run(example, out=reported.append).failed
+    assert not failed, "".join(reported)

@@ -155,9 +155,9 @@ def test_plan_next_follows_an_answer(tmp_path, vehicle_path, capsys):
     assert main(["diagnose", str(tmp_path), *given, "--json", str(answer), "--quiet"]) == 0
     expected = tmp_path / "expected.json"
     assert main(["plan-next", str(answer), *given, "--out", str(plan), "--json", str(expected)]) == 0
-    told = json.loads(expected.read_text())
-    assert len(told["nats"]) == len(told["hypotheses"]) >= 2
-    assert told["probability_after"] >= told["probability_before"]
+    reported = json.loads(expected.read_text())
+    assert len(reported["nats"]) == len(reported["hypotheses"]) >= 2
+    assert reported["probability_after"] >= reported["probability_before"]
     assert "is expected to fall behind" in capsys.readouterr().out
     table = pd.read_csv(plan)
     assert len(table) == 451

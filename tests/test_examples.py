@@ -39,7 +39,7 @@ def test_an_own_car_drives(tmp_path: Path) -> None:
     assert {path.name for path in tmp_path.iterdir()} == {"my_car.yaml", "my_car.csv"}
 
 
-def test_an_own_effect_pushes() -> None:
+def test_an_own_effect_acts() -> None:
     assert example("own_effect").main() == (0.0, 800.0, 240.0)
 
 

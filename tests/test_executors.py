@@ -102,7 +102,7 @@ def test_no_jobs_start_no_worker() -> None:
     run_jobs(ExecutorConfig(executor="dask"), square, [], lambda _job, _result: None, "job")
 
 
-def test_a_local_cluster_of_two_workers_starts_beside_another() -> None:
+def test_a_local_cluster_of_two_workers_starts_while_another_runs() -> None:
     pytest.importorskip("distributed", reason="the cluster's engine is an extra: pip install drift_drake[cluster]")
     with socket.socket() as other:
         other.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
@@ -141,7 +141,7 @@ def test_a_worker_may_be_killed_at_any_moment(after: float) -> None:
     assert killed
 
 
-def test_workers_that_cannot_start_are_told(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_workers_that_cannot_start_are_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(worker_pool, "PAUSE", 0.0)
     monkeypatch.setattr(worker_pool._Worker, "__init__", no_memory)
     with pytest.raises(JobsFailedError, match="6 worker processes in a row ended while they started"):

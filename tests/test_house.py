@@ -10,7 +10,7 @@ import pytest
 PACKAGE = Path(__file__).parents[1] / "drift_drake"
 FILES = sorted(PACKAGE.rglob("*.py"))
 LONGEST_FILE, LONGEST_FUNCTION = 350, 60  # lines
-ROOMS = ("common", "car", "drive", "view", "gap", "cli")  # each imports from itself and from those before it
+LAYERS = ("common", "car", "drive", "view", "gap", "cli")  # each imports from itself and from those before it
 
 
 @pytest.mark.parametrize("path", FILES, ids=lambda path: str(path.relative_to(PACKAGE)))
@@ -43,10 +43,10 @@ def imports() -> Iterator[tuple[Path, Path]]:
                     yield path.relative_to(PACKAGE), module.relative_to(PACKAGE)
 
 
-def test_rooms_rest_on_those_below_them_alone() -> None:
-    assert {path.name for path in PACKAGE.iterdir() if path.is_dir() and path.name[0] != "_"} == {*ROOMS, "data"}
+def test_layers_rest_on_those_below_them_alone() -> None:
+    assert {path.name for path in PACKAGE.iterdir() if path.is_dir() and path.name[0] != "_"} == {*LAYERS, "data"}
     places = [(one, other) for one, other in imports() if len(one.parts) > 1]
-    assert not [(one, other) for one, other in places if ROOMS.index(other.parts[0]) > ROOMS.index(one.parts[0])]
+    assert not [(one, other) for one, other in places if LAYERS.index(other.parts[0]) > LAYERS.index(one.parts[0])]
 
 
 def test_no_folders_import_each_other_directly_or_through_others() -> None:

@@ -56,14 +56,14 @@ def waited_for(condition: object) -> bool:
 @pytest.mark.skipif(not Path("/proc").is_dir(), reason="looks processes up in /proc")
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGKILL, signal.SIGINT])
 def test_a_worker_does_not_outlive_its_parent(tmp_path: Path, number: signal.Signals) -> None:
-    script, told = tmp_path / "parent.py", tmp_path / "worker"
+    script, reported = tmp_path / "parent.py", tmp_path / "worker"
     script.write_text(PARENT)
     paths = os.pathsep.join([str(Path(__file__).parents[1]), str(Path(__file__).parent)])
-    parent = subprocess.Popen([sys.executable, str(script), str(told)], env=os.environ | {"PYTHONPATH": paths},
+    parent = subprocess.Popen([sys.executable, str(script), str(reported)], env=os.environ | {"PYTHONPATH": paths},
                               stderr=subprocess.DEVNULL)  # fmt: skip
     try:
-        assert waited_for(told.exists)
-        worker = int(told.read_text())
+        assert waited_for(reported.exists)
+        worker = int(reported.read_text())
         assert running(worker)
         parent.send_signal(number)
         parent.wait(PATIENCE)

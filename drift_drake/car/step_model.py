@@ -13,15 +13,15 @@ from drift_drake.common.arrays import Array
 STEP, SUBSTEPS = 0.1, 8  # [s] of a model that is not told otherwise, and its sub-steps
 DIFFERENCE = np.array([1e-5, 1e-4, 1e-5, 1e-4, 1e-5, 1e-5])  # of the six states, for central differences
 INPUT_DIFFERENCE = np.array([1e-5, 1e-3])
-MEMORY_DIFFERENCE = 1e-5  # of `memory_scale`
+INTERNAL_DIFFERENCE = 1e-5  # of `internal_scale`
 STATE_SCALE = np.array([1.0, 10.0, 0.5, 10.0, 1.0, 0.5])  # sizes of the six states, which programs are scaled by
 INPUT_SCALE = np.array([0.3, 100.0])
 CURVATURE_STEP = 1e-5  # of the scaled variables, for second derivatives
 
 
-def block_scale(memory_scale: Array) -> Array:
+def block_scale(internal_scale: Array) -> Array:
     """Of (x_k, u_k, u_{k+1}) [n+4] of a model with these further states."""
-    return np.concatenate([STATE_SCALE, memory_scale, INPUT_SCALE, INPUT_SCALE])
+    return np.concatenate([STATE_SCALE, internal_scale, INPUT_SCALE, INPUT_SCALE])
 
 
 class CostExpansion(Protocol):
@@ -47,7 +47,7 @@ class StepModel(Protocol):
         ...         return x
     """
 
-    memory_scale: Array = np.empty(0)
+    internal_scale: Array = np.empty(0)
     """Sizes [m] of the model's further states, which no cost or bound knows."""
 
     def step(self, x: Array, u: Array, u_next: Array, curvature: Array) -> Array:
@@ -59,7 +59,9 @@ class StepModel(Protocol):
         By central differences, unless a model knows better.
         """
         n = x.shape[1]
-        sizes = np.concatenate([DIFFERENCE, MEMORY_DIFFERENCE * self.memory_scale, INPUT_DIFFERENCE, INPUT_DIFFERENCE])
+        sizes = np.concatenate(
+            [DIFFERENCE, INTERNAL_DIFFERENCE * self.internal_scale, INPUT_DIFFERENCE, INPUT_DIFFERENCE]
+        )
         shifts = np.concatenate([np.diag(sizes), np.diag(-sizes)])[:, None]
         points = (np.concatenate([x, u, u_next], axis=1) + shifts).reshape(-1, n + 4)
         ends = self.step(

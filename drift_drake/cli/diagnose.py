@@ -34,7 +34,7 @@ from drift_drake.gap.diagnosis.options import check_options, check_trust
 from drift_drake.gap.estimation.usable import MOST_SECONDS
 
 if TYPE_CHECKING:
-    from drift_drake.gap.diagnosis.calibrated.diagnose_day import DayDiagnosis
+    from drift_drake.gap.diagnosis.calibrated.diagnose_change import ChangeDiagnosis
     from drift_drake.gap.diagnosis.likelihood.diagnose import Diagnosis
 
 GAP_FOUND = 3  # exit code, where it is asked for
@@ -163,7 +163,7 @@ def _diagnose_one(command: Diagnose, by_prediction: bool, options: Mapping[str, 
     return diagnosis.answer
 
 
-def _report(command: Diagnose, diagnosis: "Diagnosis | DayDiagnosis", path: Path) -> None:
+def _report(command: Diagnose, diagnosis: "Diagnosis | ChangeDiagnosis", path: Path) -> None:
     from drift_drake.gap.diagnosis.reports.any_report import report
     from drift_drake.view.pages.page import Source
 

@@ -108,13 +108,13 @@ def _import_paths(command: Import, mapping: RecorderMapping, out: Path) -> None:
         from drift_drake.gap.logs.importing.paths import import_paths, path_sentences
 
     paths, remarks = import_paths(command.recordings, mapping, command.start, command.end, command.dbc)
-    told = path_sentences(paths, mapping)
+    lines = path_sentences(paths, mapping)
     with writing_together(out) as part:
         for number, path in enumerate(paths):
             write_table(path.table, part / f"path_{number}.csv", index=False)
-        report = {"paths": [path.recording for path in paths], "told": told, "remarks": remarks}
+        report = {"paths": [path.recording for path in paths], "sentences": lines, "remarks": remarks}
         write_json(part / IMPORT_REPORT, report | {"mapping": dataclasses.asdict(mapping)})
-    print("\n".join([*told, *(f"! {remark}" for remark in remarks)]), file=said_to(command.json))
+    print("\n".join([*lines, *(f"! {remark}" for remark in remarks)]), file=said_to(command.json))
     if command.json is not None:
         write_text(command.json, (out / IMPORT_REPORT).read_text(encoding="utf-8"))
 

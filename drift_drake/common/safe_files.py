@@ -26,8 +26,8 @@ PROBE = 4096  # bytes that must fit where a result is to be written
 
 
 @contextlib.contextmanager
-def unfinished_folder(beside: Path) -> Iterator[Path]:
-    """A new hidden folder in the folder `beside`, removed with all in it at the end of the block.
+def unfinished_folder(parent: Path) -> Iterator[Path]:
+    """A new hidden folder in the folder `parent`, removed with all in it at the end of the block.
 
     What `kill -9` or a loss of power left of such folders in the same place is removed first. Which these are is seen
     by a lock, which the kernel releases with the process: a number of a process may be another one's by now, or one of
@@ -36,8 +36,8 @@ def unfinished_folder(beside: Path) -> Iterator[Path]:
     Raises:
         OSError: the folder cannot be made.
     """
-    remove_left_behind(beside.resolve())
-    folder, lock = _make_locked(beside)
+    remove_left_behind(parent.resolve())
+    folder, lock = _make_locked(parent)
     try:
         yield folder
     finally:
@@ -56,10 +56,10 @@ def remove_left_behind(folder: Path) -> None:
                 shutil.rmtree(folder / name, ignore_errors=True)
 
 
-def _make_locked(beside: Path) -> tuple[Path, int | None]:
+def _make_locked(parent: Path) -> tuple[Path, int | None]:
     """A folder and its lock; None where the file system has no locks."""
     while True:
-        folder = beside / f"{PARTIAL}{secrets.token_hex(4)}"
+        folder = parent / f"{PARTIAL}{secrets.token_hex(4)}"
         folder.mkdir()
         lock = None
         try:

@@ -1,8 +1,8 @@
 """Simulated cases for developing and calibrating the diagnosis: a compiled plant, four manoeuvres, sensors' noise.
 
-The plant integrates `motion_with_effects` with every memory of its own by RK4 at 0.5 ms, apart from the diagnosis's
-filter (which treats actuators ahead of it and steps by 5 ms). `drake_cases` makes them with Drake plants instead;
-drivers and draws are shared.
+The plant integrates `motion_with_effects` with all internal states of its own by RK4 at 0.5 ms, apart from the
+diagnosis's filter (which treats actuators ahead of it and steps by 5 ms). `drake_cases` makes them with Drake plants
+instead; drivers and draws are shared.
 """
 
 from collections.abc import Callable, Sequence
@@ -13,22 +13,22 @@ import numpy as np
 from drift_drake.car.compilation import compiled
 from drift_drake.car.effects.delays import commands_at, on_time, stamped
 from drift_drake.car.effects.magnitudes import (
-    MEMORIES,
+    INTERNAL_COUNT,
     Effects,
-    Memory,
+    InternalStates,
     reading_gains,
 )
 from drift_drake.car.log.table import Run
 from drift_drake.car.parameters import Constants, VehicleParameters
 from drift_drake.car.scalar import fixed_tuple
 from drift_drake.car.sensors import LOG_ROW, NoiseLevels
-from drift_drake.car.single_track.motion_with_effects import motion_with_effects, settled_memory
+from drift_drake.car.single_track.motion_with_effects import motion_with_effects, settled_internal_states
 from experiments.benchmarks.drivers import MANOEUVRES, PERIOD, SLOWEST, SPIN, Driver, driven
 from experiments.benchmarks.strange_effects import Strange, make_strange, ring_rates, rung_torque, strange_wrench
 from experiments.benchmarks.truths import Truth, true_car
 
 FINE = 20  # integration steps a row
-RING = 7 + MEMORIES  # place of the driveline's ringing in the plant's state
+RING = 7 + INTERNAL_COUNT  # place of the driveline's ringing in the plant's state
 STATES = RING + 2
 LAGGED = slice(7, 11)  # places of what actuators and tyres lag by
 NOISE = {name: float(getattr(NoiseLevels(), name)) for name in LOG_ROW if name != "t"}
@@ -36,12 +36,12 @@ NOISE = {name: float(getattr(NoiseLevels(), name)) for name in LOG_ROW if name !
 
 @compiled
 def _rates(z: Any, t: Any, delta: Any, tau: Any, constants: Any, effects: Any, strange: Any, out: Any) -> Any:
-    """z: r, v, beta, omega_r, psi, x, y, the effects' memory, ring, ring rate, a_x, a_y (outputs only)."""
-    memory = Memory(*fixed_tuple(z[7:RING], MEMORIES))
+    """z: r, v, beta, omega_r, psi, x, y, the effects' internal states, ring, ring rate, a_x, a_y (outputs only)."""
+    internal = InternalStates(*fixed_tuple(z[7:RING], INTERNAL_COUNT))
     f_x, f_y, m_z = strange_wrench(t, z[0], z[1], z[2], z[3], z[5], z[6], z[4], delta, tau, constants, strange)
     torque = rung_torque(tau, z[RING], strange)
     rates, m = motion_with_effects(
-        z[0], z[1], z[2], z[3], z[4], memory, delta, torque, constants, effects, f_x, f_y, m_z
+        z[0], z[1], z[2], z[3], z[4], internal, delta, torque, constants, effects, f_x, f_y, m_z
     )
     out[0], out[1], out[2], out[3] = rates.r_dot, rates.v_dot, rates.beta_dot, rates.omega_r_dot
     out[4], out[5], out[6] = z[0], z[1] * np.cos(z[4] + z[2]), z[1] * np.sin(z[4] + z[2])
@@ -95,7 +95,7 @@ def drive_rows(
     delta[0], tau[0] = driver.command(0.0, state, driver.resting_command())
     z, scratch = np.zeros(STATES), np.zeros(STATES + 2)
     z[:4] = state
-    z[7:RING] = settled_memory(*(float(c) for c in state), delta[0], tau[0], constants, before)
+    z[7:RING] = settled_internal_states(*(float(c) for c in state), delta[0], tau[0], constants, before)
     z[RING] = tau[0]
     _rates(z, 0.0, delta[0], tau[0], constants, before, strange, scratch)
     states, accelerations = np.zeros((rows, STATES)), np.zeros((rows, 2))
@@ -103,7 +103,7 @@ def drive_rows(
     for row in range(rows - 1):
         now = on_time(effects(row))
         if row == settles_at:
-            z[LAGGED] = settled_memory(*(float(c) for c in z[:4]), delta[row], tau[row], constants, now)[:4]
+            z[LAGGED] = settled_internal_states(*(float(c) for c in z[:4]), delta[row], tau[row], constants, now)[:4]
         delta[row + 1], tau[row + 1] = driver.command(row * PERIOD, z[:4], (delta[row], tau[row]))
         accelerations[row + 1] = _advance(z, row, delta, tau, constants, now, strange)
         states[row + 1] = z

@@ -54,11 +54,11 @@ def regulated_drift(p: Constants, v: float, beta: float) -> Equilibrium:
     # One row of delay from state to command, and actuators that should stay calm: states augmented by the command.
     big = np.zeros((6, 6))
     big[:4, :4], big[:4, 4:] = np.eye(4) + PERIOD * a + PERIOD**2 / 2 * a @ a, PERIOD * b
-    push = np.zeros((6, 2))
-    push[4:] = np.eye(2)
+    thrust = np.zeros((6, 2))
+    thrust[4:] = np.eye(2)
     q, r = np.diag([4.0, 0.5, 40.0, 0.05, 0.0, 0.0]), np.diag([30.0, 2e-4])
-    s = solve_discrete_are(big, push, q, r)
-    gain = np.linalg.solve(r + push.T @ s @ push, push.T @ s @ big)[:, :4]
+    s = solve_discrete_are(big, thrust, q, r)
+    gain = np.linalg.solve(r + thrust.T @ s @ thrust, thrust.T @ s @ big)[:, :4]
     return Equilibrium(state, command, gain)
 
 
@@ -82,7 +82,7 @@ class Driver:
         self.period = {"slalom": u(1.8, 2.6), "power": u(2.2, 2.8), "transients": u(1.6, 2.2), "drift": 1.0}[kind]
         self.second = u(0.2, 0.5)
         self.second_period = u(0.9, 1.4)
-        self.push, self.push_period = u(20.0, 45.0), u(1.2, 1.6)
+        self.thrust, self.thrust_period = u(20.0, 45.0), u(1.2, 1.6)
         self.pulse = u(170.0, 230.0)
         self.wander, self.wander_period = u(0.01, 0.04), u(2.5, 5.0)
         self.beta = -self.side * u(0.42, 0.6)
@@ -107,7 +107,7 @@ class Driver:
             goal = self.equilibrium.state.copy()
             goal[2] += self.wander * np.sin(2.0 * np.pi * t / self.wander_period)
             delta, tau = self.equilibrium.command - self.equilibrium.gain @ (state - goal)
-            return delta, tau + self.push * np.sin(2.0 * np.pi * t / self.push_period)
+            return delta, tau + self.thrust * np.sin(2.0 * np.pi * t / self.thrust_period)
         hold = 45.0 * (self.speed - state[1])
         if self.kind == "slalom":
             second = self.second * np.sin(2.0 * np.pi * t / self.second_period)

@@ -73,7 +73,7 @@ class TimedModel(StepModel):
 
     def __init__(self, model: StepModel) -> None:
         self._model = model
-        self.memory_scale = model.memory_scale
+        self.internal_scale = model.internal_scale
         self.linearise = self.step_time = 0.0
 
     def step(self, x: Array, u: Array, u_next: Array, curvature: Array) -> Array:
@@ -171,7 +171,7 @@ class Bench:
     def _plan_by_controller(self, number: int, s: float, state: Array) -> None:
         self.context.SetTime(self.controller.period * number)
         self.controller.GetInputPort("measured_state").FixValue(self.context, np.append(state, s))
-        self.controller.GetInputPort("memory").FixValue(self.context, self.reference.input(s))
+        self.controller.GetInputPort("internal_states").FixValue(self.context, self.reference.input(s))
         seconds, update = cpu(lambda: self.controller.EvalUniquePeriodicDiscreteUpdate(self.context))
         self.context.get_mutable_discrete_state().SetFrom(update)
         self.times["controller"].append(seconds)
@@ -223,7 +223,7 @@ class Bench:
         }
 
 
-def beside_snopt(config: BenchmarkConfig) -> dict[str, float]:
+def relative_to_snopt(config: BenchmarkConfig) -> dict[str, float]:
     """Medians [ms] of a linearisation, a real-time iteration, and SNOPT from its last solution, for the nominal car."""
     parameters, horizon = VehicleParameters(), 25
     reference = figure_8(parameters)
@@ -288,7 +288,7 @@ def run(config: BenchmarkConfig) -> dict[str, Any]:
         "horizons": {str(bench.horizon): bench.summary() for bench in benches},
         "referees": referees,
         "missing": "" if step else str(MissingExtraError("the peer IPOPT with second derivatives", "casadi", "peers")),
-        "beside_snopt": beside_snopt(config),
+        "relative_to_snopt": relative_to_snopt(config),
     }
 
 
@@ -304,7 +304,7 @@ def table(numbers: dict[str, Any]) -> str:
         cells = [" / ".join(f"{value:.2g}" for value in found["ms"][name].values()) for name in PARTS]
         ratios = [f"{found[name]:.2f}" for name in ("plan_over_floor", "controller_over_plan")]
         lines.append(f"| {horizon} | " + " | ".join(cells + ratios) + " |")
-    medians = ", ".join(f"{name.replace('_', ' ')} {ms:.2g} ms" for name, ms in numbers["beside_snopt"].items())
+    medians = ", ".join(f"{name.replace('_', ' ')} {ms:.2g} ms" for name, ms in numbers["relative_to_snopt"].items())
     lines += ["", f"- nominal car, N = 25: {medians} in the median"]
     lines += [
         f"- N = {horizon}, the {SLOWEST} slowest plans solved again: the longest takes {ratio:.2f} times the median"

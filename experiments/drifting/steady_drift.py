@@ -66,9 +66,9 @@ def steady_drift(model: StepModel, start: DriftEquilibrium) -> SteadyDrift:
     Unknown are r, v, omega_r, dphi, the inputs and the model's further states; e is zero.
     """
     curvature = np.array([start.curvature])
-    count = 6 + model.memory_scale.size
+    count = 6 + model.internal_scale.size
     unknown = [0, 1, 3, 5, *range(6, count)]
-    scale = np.concatenate([[0.5, 10.0, 15.0, 0.3], model.memory_scale, [0.3, 100.0]])
+    scale = np.concatenate([[0.5, 10.0, 15.0, 0.3], model.internal_scale, [0.3, 100.0]])
 
     def point(q: Array) -> tuple[Array, Array]:
         x = np.zeros(count)
@@ -87,7 +87,7 @@ def steady_drift(model: StepModel, start: DriftEquilibrium) -> SteadyDrift:
     guess = np.array([start.r, start.v, start.omega_r, 0.0, *np.zeros(count - 6), start.delta, start.tau]) / scale
     for _ in range(MEMORY_PASSES if count > 6 else 0):
         x, u = point(guess)
-        guess[4:-2] = model.step(x, u, u, curvature)[0, 6:] / model.memory_scale
+        guess[4:-2] = model.step(x, u, u, curvature)[0, 6:] / model.internal_scale
     found = least_squares(change, guess, jacobian)
     x, u = point(found.x)
     _, a, b, b_next = model.linearize(x, u, u, curvature)

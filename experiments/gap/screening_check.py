@@ -128,13 +128,13 @@ def try_units(runs: Sequence[Run], vehicle: VehicleParameters, counts: Counts) -
             continue
         count = counts.setdefault(name, Count())
         try:
-            told = suspicions(with_factors(runs, factors), vehicle)
+            suspected = suspicions(with_factors(runs, factors), vehicle)
         except InvalidLogError as error:
             named = any(f"column {column} " in str(error) for column in factors)
             count.add(True, named and "looks like" in str(error), False)
             continue
-        right = [s for s in told if s.column in factors and _same(s.factor, factors[s.column])]
-        count.add(bool(told), len(right) == len(factors), len(right) < len(told))
+        right = [s for s in suspected if s.column in factors and _same(s.factor, factors[s.column])]
+        count.add(bool(suspected), len(right) == len(factors), len(right) < len(suspected))
 
 
 def _same(factor: float | None, truth: float) -> bool:
@@ -147,18 +147,18 @@ def try_odd_runs(runs: Sequence[Run], heavy: Sequence[Run], vehicle: VehiclePara
     other = dataclasses.replace(heavy[odd % len(heavy)], name=runs[odd].name)
     in_other_unit = with_factors([runs[odd]], {"v": 3.6})[0]
     for name, run in ((OTHER_CAR, other), (OTHER_UNIT, in_other_unit)):
-        told = suspicions([*runs[:odd], run, *runs[odd + 1 :]], vehicle)
-        named = [s for s in told if s.column is None and s.sentence.startswith(f"{run.name} ")]
-        counts.setdefault(name, Count()).add(bool(told), bool(named), len(named) < len(told))
+        suspected = suspicions([*runs[:odd], run, *runs[odd + 1 :]], vehicle)
+        named = [s for s in suspected if s.column is None and s.sentence.startswith(f"{run.name} ")]
+        counts.setdefault(name, Count()).add(bool(suspected), bool(named), len(named) < len(suspected))
 
 
 def untouched(runs: Sequence[Run], vehicle: VehicleParameters, counts: Counts) -> tuple[list[str], list[Suspicion]]:
     """What is reported of good logs."""
     _, sentences = screened(runs)
-    told = suspicions(runs, vehicle)
-    wrong = bool(sentences or told)
+    suspected = suspicions(runs, vehicle)
+    wrong = bool(sentences or suspected)
     counts.setdefault(NO_MISTAKE, Count()).add(wrong, not wrong, wrong)
-    return sentences, told
+    return sentences, suspected
 
 
 def run(config: Config) -> dict[str, Any]:
@@ -167,9 +167,9 @@ def run(config: Config) -> dict[str, Any]:
     said: dict[str, list[str]] = {}
 
     def note(name: str, found: tuple[list[str], list[Suspicion]]) -> None:
-        sentences, told = found
-        if sentences or told:
-            said[name] = sentences + [s.sentence for s in told]
+        sentences, suspected = found
+        if sentences or suspected:
+            said[name] = sentences + [s.sentence for s in suspected]
 
     for number, (runs, vehicle, truth) in enumerate(simulated(config)):
         rng = np.random.default_rng([config.seed, number, 1])

@@ -165,8 +165,8 @@ def summarise(cases: Sequence[dict[str, Any]]) -> dict[str, Any]:
             "settled": int(np.sum(p >= SETTLED)),
             "leads": int(np.sum(right)),
         }
-    foretold = [case["plan"]["after"] for case in open_cases if "plan" in case]
-    summary["foretold by the plans, mean"] = float(np.mean(foretold))
+    forecast = [case["plan"]["after"] for case in open_cases if "plan" in case]
+    summary["forecast by the plans, mean"] = float(np.mean(forecast))
     return summary
 
 

@@ -98,14 +98,14 @@ def summarise(options: AlphaConfig, found: Mapping[tuple[float, int], dict[str, 
     weights = {}
     for alpha in options.alphas:
         of_vehicles = [entry for (weight, vehicle), entry in found.items() if weight == alpha and vehicle >= 0]
-        told = np.array([[*entry["obtained"], 0.0, 0.0][:2] for entry in of_vehicles])
+        figures = np.array([[*entry["obtained"], 0.0, 0.0][:2] for entry in of_vehicles])
         driven = [entry for entry in of_vehicles if entry["plans"]]
         weights[alpha] = {
             "first plans": found[alpha, -1],
             "failed": sum(2 - entry["plans"] for entry in of_vehicles),
-            "first": float(np.median(told[:, 0])),
-            "second": float(np.median(told[:, 1])),
-            "both": float(np.median(told.sum(axis=1))),
+            "first": float(np.median(figures[:, 0])),
+            "second": float(np.median(figures[:, 1])),
+            "both": float(np.median(figures.sum(axis=1))),
             "norm_ratio": float(np.median([entry["norm_ratio"] for entry in driven])) if driven else None,
             "slowest": min((entry["slowest"] for entry in driven), default=None),
             "sideslip": max((entry["sideslip"] for entry in driven), default=None),
@@ -130,11 +130,11 @@ def report(summary: Mapping[str, Any]) -> str:
     ]
     for alpha, entry in summary["weights"].items():
         tried = entry["first plans"]
-        told = ", ".join(f"{entry[name]:.1f}" for name in ("first", "second", "both"))
+        figures = ", ".join(f"{entry[name]:.1f}" for name in ("first", "second", "both"))
         planned = ["-" if entry[name] is None else f"{entry[name]:.2f}" for name in ("slowest", "sideslip")]
         ratio = "-" if entry["norm_ratio"] is None else f"{entry['norm_ratio']:.0f}"
         lines.append(
-            f"| {alpha:g} | {tried['converged']} of {tried['tried']} draws of guesses | {entry['failed']} | {told} "
+            f"| {alpha:g} | {tried['converged']} of {tried['tried']} draws of guesses | {entry['failed']} | {figures} "
             f"| {ratio} | {' | '.join(planned)} |"
         )
     return "\n".join([*lines, "", f"Chosen: {summary['chosen']:g}."])

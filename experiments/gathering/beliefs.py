@@ -89,7 +89,7 @@ def gather_beliefs(job: GatherJob) -> Taught:
     if not job.wanted & {"once_info", "twice_info", *ASKED}:
         return Taught(beliefs, None)
 
-    def told(name: str, tables: Sequence[pd.DataFrame], typical: Posterior) -> None:
+    def print_row(name: str, tables: Sequence[pd.DataFrame], typical: Posterior) -> None:
         """Keeps what is believed after drives, with the lags that they show."""
         beliefs[name] = typical
         if config.learn_lags:
@@ -104,14 +104,14 @@ def gather_beliefs(job: GatherJob) -> Taught:
     driven = [drive(job.info, seed, prior)]
     surprise = float(np.mean(squared_distances(learnt, prior, drive_samples(driven[0], config))))
     once = learn_drive(learnt, prior, driven[0], config)
-    told("once_info", driven, once)
+    print_row("once_info", driven, once)
     if job.wanted & {"twice_info", "identified"}:
         try:
             second = plan_again(learnt, once, job.info, config)
         except InfeasiblePlanError:
             return Taught(beliefs, surprise, asked(), lags)
         driven.append(drive(second, SECOND_ROUND + seed, once))
-        told("twice_info", driven, learn_drive(learnt, once, driven[1], config))
+        print_row("twice_info", driven, learn_drive(learnt, once, driven[1], config))
     return Taught(beliefs, surprise, asked(), lags)
 
 

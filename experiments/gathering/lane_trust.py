@@ -86,10 +86,10 @@ def judge(config: LaneTrust, learnt: BayesianModel, folder: Path) -> dict[str, F
         effects_of = partial(true_effects, population, world, config.vehicle_seed)
         taught = gather_all(attempts, effects_of, frozenset({"identified"}), learnt, config.gathering, drives,
                             config.run_on, partial(true_car, world, seed=config.vehicle_seed))  # fmt: skip
-        told = [
+        pairs = [
             (t.surprise, t.findings["identified"]) for t in taught.values() if t.surprise is not None and t.findings
         ]
-        found[name] = Found(*np.array([(surprise, f.as_it_is, f.error) for surprise, f in told]).T)
+        found[name] = Found(*np.array([(surprise, f.as_it_is, f.error) for surprise, f in pairs]).T)
     return found
 
 

@@ -18,7 +18,7 @@ import networkx as nx
 from diagrams.command import run_command
 from experiments.structure import PACKAGE, ROOT, StructureConfig, Tree, numbers, tree_of
 
-DIAGNOSIS = "diagnose_day"  # the function that is followed
+DIAGNOSIS = "diagnose_change"  # the function that is followed
 WEIGHTS = re.compile(r"\b(1\.0|h|step|dt) / 6\.0")  # of a classical Runge-Kutta step
 Place = tuple[str, str]  # module, and name of a function, or CLASS.METHOD
 

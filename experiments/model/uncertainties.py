@@ -11,9 +11,9 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
 
-from drift_drake.car.effects.magnitudes import Effects, Memory
+from drift_drake.car.effects.magnitudes import Effects, InternalStates
 from drift_drake.car.parameters import Constants
-from drift_drake.car.single_track.motion_with_effects import motion_with_effects, settled_memory
+from drift_drake.car.single_track.motion_with_effects import motion_with_effects, settled_internal_states
 from drift_drake.common.safe_files import write_figure
 from drift_drake.drive.learnt.bayesian_step import euler_step
 from drift_drake.drive.learnt.checkpoint import BayesianModel
@@ -30,13 +30,13 @@ def true_change(steering: Array, nominal: Constants, effects: Effects) -> Array:
     """(x_{k+1} - x_k) / dt of the true vehicle [n, 4] at `UNCERTAINTIES_AT`, commands held, effects settled."""
     at = {name: np.full_like(steering, value) for name, value in UNCERTAINTIES_AT.items()}
     state = np.stack([at["r"], at["v"], at["beta"], at["omega_r"]])
-    memory = settled_memory(*state, steering, at["tau"], nominal, effects)
-    whole = np.concatenate([state, np.stack(np.broadcast_arrays(*memory))])
+    internal = settled_internal_states(*state, steering, at["tau"], nominal, effects)
+    whole = np.concatenate([state, np.stack(np.broadcast_arrays(*internal))])
     start, h = whole.copy(), TIME_STEP / SUBSTEPS
 
     def rates(q: Array) -> Array:
         motion, change = motion_with_effects(
-            *q[:4], 0.0 * q[0], Memory(*q[4:]), steering, at["tau"], nominal, effects
+            *q[:4], 0.0 * q[0], InternalStates(*q[4:]), steering, at["tau"], nominal, effects
         )  # fmt: skip
         return np.stack(np.broadcast_arrays(*motion[:4], *change))
 

@@ -12,8 +12,8 @@ from drift_drake.car.parameters import VehicleParameters
 from drift_drake.car.vehicle_file import read_vehicle, write_vehicle
 from drift_drake.common.run_folder import write_json
 from drift_drake.gap.identification.identify import identify
+from drift_drake.gap.monitoring.baseline_scores import with_baseline_scores
 from drift_drake.gap.monitoring.monitor import Monitor
-from drift_drake.gap.monitoring.normal import with_normal
 from drift_drake.gap.monitoring.watch import monitor_of
 from experiments.other_worlds.days import Days, first_guess, make_day
 from experiments.other_worlds.drivers import DAY_ONE
@@ -47,5 +47,5 @@ def double_track_simulator(folder: Path) -> Simulator:
         write_vehicle(path, found.vehicle, found.effects)
         write_json(folder / "calibration.json", found.calibration.sentence())
     vehicle, effects = read_vehicle(path)
-    learnt = with_normal(monitor_of(runs[0], vehicle, effects), runs)
+    learnt = with_baseline_scores(monitor_of(runs[0], vehicle, effects), runs)
     return Simulator(vehicle, effects, learnt.problem.excess)

@@ -35,9 +35,9 @@ from drift_drake.drive.loop.closed_loop import ClosedLoop
 from drift_drake.drive.loop.faults import Change, Fault
 from drift_drake.drive.loop.true_plant import plant_of
 from drift_drake.drive.reference.trajectory import Reference, figure_8
+from drift_drake.gap.monitoring.baseline_scores import with_baseline_scores
 from drift_drake.gap.monitoring.in_loop import CORRECTING, GapWatch, Policy, events_of
 from drift_drake.gap.monitoring.monitor import Monitor, make_monitor
-from drift_drake.gap.monitoring.normal import with_normal
 from drift_drake.gap.monitoring.watch import WATCHED
 from experiments.benchmarks.intervals import binomial
 from experiments.made import write_report
@@ -130,7 +130,7 @@ def monitor_of(plant: PlantName) -> Monitor:
     if plant == "nominal":
         return monitor
     loop = closed_loop(plant)
-    return with_normal(monitor, [as_log(loop.run(loop.initial_context(seed)).table) for seed in NORMAL_SEEDS])
+    return with_baseline_scores(monitor, [as_log(loop.run(loop.initial_context(seed)).table) for seed in NORMAL_SEEDS])
 
 
 def as_log(table: pd.DataFrame) -> Run:
@@ -189,10 +189,12 @@ def row(some: Sequence[dict[str, Any]]) -> str:
     cells = [f"{len(completed)} of {len(some)}", f"{low:.2f} to {high:.2f}", f"{e[0]:.2f} ({e[1]:.2f} to {e[2]:.2f})"]
     if some[0]["mode"] in ("off", "online"):
         return " | ".join([*cells, "-", "-", "-"])
-    told = [next((e["t"] for e in r["events"] if e["t"] > r["onset"]), np.inf) - r["onset"] for r in some]
+    delays = [next((e["t"] for e in r["events"] if e["t"] > r["onset"]), np.inf) - r["onset"] for r in some]
     right = sum(any(e.get("cause") in CHANGES[r["change"]] for e in r["events"]) for r in some)
     slow = np.median([r["slow"] for r in some])
-    return " | ".join([*cells, f"{slow:.0%}", f"{np.median(told):.1f}".replace("inf", "-"), f"{right} of {len(some)}"])
+    return " | ".join(
+        [*cells, f"{slow:.0%}", f"{np.median(delays):.1f}".replace("inf", "-"), f"{right} of {len(some)}"]
+    )
 
 
 def pairs(results: Sequence[dict[str, Any]]) -> str:

@@ -1,6 +1,6 @@
 """Cars of other sizes and kinds on the equations of `brush_car`, driven as `drivers` drives, and what sensors read.
 
-Plausible figures, no measured vehicles. From day to day a car is not quite the same (`EVERYDAY`), and its sensors'
+Plausible figures, no measured vehicles. From day to day a car is not quite the same (`VARIES_BY_DAY`), and its sensors'
 noise is half of it coloured.
 """
 
@@ -53,7 +53,7 @@ BRUSH_CARS = {
     ),
 }  # fmt: skip
 
-EVERYDAY = {"rolling_resistance": 0.03, "friction_level": 0.05, "mass_error": 0.05, "gyro_bias": 0.03,
+VARIES_BY_DAY = {"rolling_resistance": 0.03, "friction_level": 0.05, "mass_error": 0.05, "gyro_bias": 0.03,
             "sideslip_bias": 0.03, "wheel_radius_error": 0.03, "road_grade": 0.03}  # fmt: skip
 """By which a car and its sensors differ from one day to the next, as shares of the practical ranges (one standard
 deviation, of a normal distribution): a battery, tyres that are warm or not, a floor that is not quite level."""
@@ -82,7 +82,7 @@ def scaled(name: str, magnitude: float, car: BrushCar) -> float:
 def of_the_day(car: BrushCar, effects: Effects, rng: np.random.Generator) -> Effects:
     """The effects with what this car differs by on any day."""
     vehicle = single_track(car)
-    for name, share in EVERYDAY.items():
+    for name, share in VARIES_BY_DAY.items():
         size = max(abs(q) for q in CATALOGUE[name].range_for(vehicle))
         effects = effects._replace(**{name: getattr(effects, name) + share * size * float(rng.standard_normal())})
     return effects

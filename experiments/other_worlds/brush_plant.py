@@ -22,7 +22,7 @@ class BrushPlant(PathPlant, LeafSystem):
     over the left's [m/s], steering [rad], torque [N m], the accelerations that the loads follow, and lagging slips.
     """
 
-    has_memory = True
+    has_internal_states = True
 
     def __init__(self, car: BrushCar, effects: Effects, path: CurvedPath | None) -> None:
         LeafSystem.__init__(self)
@@ -43,8 +43,8 @@ class BrushPlant(PathPlant, LeafSystem):
         """Rates of the state, and behind them (a_x, a_y) [m/s^2]; a disturbance acts on the body."""
         v, beta, out = x[1], x[2], np.empty(SIZE)
         own = np.concatenate([x[:6], x[len(PLANT_STATES) :]])
-        room = np.zeros((2, len(STATES)))
-        a_x, a_y = motion(own, x[9], u[0], u[1], curvature, p, q, room[0], room[1], out)
+        workspace = np.zeros((2, len(STATES)))
+        a_x, a_y = motion(own, x[9], u[0], u[1], curvature, p, q, workspace[0], workspace[1], out)
         mass, inertia = p.mass * (1.0 + q.mass_error), p.yaw_inertia * (1.0 + q.yaw_inertia_error)
         r_dot = out[0] + wrench[2] / inertia
         v_dot = out[1] + (np.cos(beta) * wrench[0] + np.sin(beta) * wrench[1]) / mass

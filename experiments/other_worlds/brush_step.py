@@ -6,7 +6,7 @@ from pydrake.systems.framework import LeafSystem
 
 from drift_drake.car.compilation import compiled
 from drift_drake.car.effects.magnitudes import Effects
-from drift_drake.car.single_track.effects_step import MemoryObserver
+from drift_drake.car.single_track.effects_step import InternalStateObserver
 from drift_drake.car.single_track.motion import path_rates
 from drift_drake.car.step_model import STEP, StepModel
 from drift_drake.common.arrays import Array
@@ -22,7 +22,7 @@ class BrushStepModel(StepModel):
     """States [N, 14]: the paper's six, then `brush_plant.OWN`. RK4; Jacobians are `StepModel`'s differences."""
 
     def __init__(self, car: BrushCar, effects: Effects) -> None:
-        self.memory_scale = OWN_SCALE
+        self.internal_scale = OWN_SCALE
         self.car, self.effects = car, effects
 
     def with_theta(self, theta: Array) -> "BrushStepModel":
@@ -30,7 +30,7 @@ class BrushStepModel(StepModel):
         return BrushStepModel(self.car, Effects(*(float(q) for q in theta)))
 
     def observer(self, period: float) -> LeafSystem:
-        return MemoryObserver(self, period)
+        return InternalStateObserver(self, period)
 
     def step(self, x: Array, u: Array, u_next: Array, curvature: Array) -> Array:
         x_next = np.array(x, dtype=float, order="C")

@@ -65,8 +65,8 @@ class DayDriver:
             delta = self.amplitude * (self._wave(self.slow, t, 0) + 0.4 * self._wave(self.fast, t, 1))
             return delta, self._hold(self.speed, v)
         if self.kind == "power":
-            push = 0.5 + 2.4 * max(0.0, self._wave(0.22, t, 2)) if v < 21.0 else -0.5
-            return 0.6 * self.amplitude * self._wave(self.slow, t, 0), push
+            thrust = 0.5 + 2.4 * max(0.0, self._wave(0.22, t, 2)) if v < 21.0 else -0.5
+            return 0.6 * self.amplitude * self._wave(self.slow, t, 0), thrust
         kick = float(self._wave(self.fast, t, 1) > 0.4)
         scale = self.wheelbase / 2.5
         if self.kind == "transient":
@@ -96,22 +96,22 @@ class DayDriver:
     def wanted(self, t: float, v: float, beta: float) -> tuple[float, float]:
         """Steering [rad] and acceleration [m/s^2] at a time [s], speed [m/s] and sideslip [rad]."""
         if self.kind in OTHER:
-            delta, push = self._as_other(t, v)
+            delta, thrust = self._as_other(t, v)
         else:
-            delta, push = (self.effort * q for q in self._as_day_one(t, v))
+            delta, thrust = (self.effort * q for q in self._as_day_one(t, v))
         if v > TOP_SPEED:
-            push = min(push, 0.0)
+            thrust = min(thrust, 0.0)
         if abs(beta) > CATCH:
-            delta, push = 0.3 * delta + beta, min(push, RESISTANCE)
-        return delta, push
+            delta, thrust = 0.3 * delta + beta, min(thrust, RESISTANCE)
+        return delta, thrust
 
     def command(self, t: float, state: np.ndarray, last: tuple[float, float]) -> tuple[float, float]:
         """Commands a row later, from the time [s], the state (r, v, beta, ...) and the last commands."""
-        delta, push = self.wanted(t, float(state[1]), float(state[2]))
+        delta, thrust = self.wanted(t, float(state[1]), float(state[2]))
         car = self.car
         return (
             slewed(delta, last[0], STEERING_RATE, -car.steering_limit, car.steering_limit),
-            slewed(push * self.torque_unit, last[1], TORQUE_RATE, car.torque_min, car.torque_max),
+            slewed(thrust * self.torque_unit, last[1], TORQUE_RATE, car.torque_min, car.torque_max),
         )
 
 
@@ -134,9 +134,9 @@ class ScaledDriver:
 
     def command(self, t: float, v: float, beta: float, last: tuple[float, float]) -> tuple[float, float]:
         """Commands a row later, from the time [s], speed [m/s], sideslip [rad] and the last commands."""
-        delta, push = self.driver.wanted(t / self.time, v / self.time, beta)
+        delta, thrust = self.driver.wanted(t / self.time, v / self.time, beta)
         car, torque_rate = self.car, TORQUE_RATE * self.torque_unit / self.driver.torque_unit
         return (
             slewed(delta, last[0], STEERING_RATE / self.time, -car.steering_limit, car.steering_limit),
-            slewed(push * self.torque_unit, last[1], torque_rate / self.time, car.torque_min, car.torque_max),
+            slewed(thrust * self.torque_unit, last[1], torque_rate / self.time, car.torque_min, car.torque_max),
         )

@@ -51,11 +51,11 @@ def calibrate(job: Calibrate) -> None:
     """Calibrates; the car is written also where it predicts worse than the first guess, which its scores show."""
 
     def work(out: Path) -> None:
-        told = io.StringIO()
-        with contextlib.redirect_stdout(told):
+        output = io.StringIO()
+        with contextlib.redirect_stdout(output):
             run_identify(Identify(job.logs, job.start, job.folder / "car.yaml", out, criterion=job.criterion,
                                   force=True, quiet=True))  # fmt: skip
-        (job.folder / "car.txt").write_text(told.getvalue().replace(str(out), str(job.out)))
+        (job.folder / "car.txt").write_text(output.getvalue().replace(str(out), str(job.out)))
 
     recorded(work, job.out)
 

@@ -15,7 +15,7 @@ from drift_drake.car.log.table import read_case
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.car.vehicle_file import read_vehicle, stated_tolerances
 from drift_drake.common.errors import DriftDrakeError
-from drift_drake.gap.diagnosis.calibrated.diagnose_day import search_of
+from drift_drake.gap.diagnosis.calibrated.diagnose_change import search_of
 from drift_drake.gap.estimation.admitted import admit
 from drift_drake.gap.estimation.baseline import (
     Seen,

@@ -3,5 +3,5 @@
 from typing import Literal
 
 Name = Literal[
-    "car_frames", "diagnosis", "drive_time_series", "effects_map", "gap", "predictions", "rooms", "two_criteria"
+    "car_frames", "diagnosis", "drive_time_series", "effects_map", "gap", "predictions", "layers", "two_criteria"
 ]

@@ -52,8 +52,8 @@ def parameter_table(found: dict[str, Any]) -> str:
 def worth(found: dict[str, Any]) -> str:
     """What one row of this car's logs is worth."""
     everyday = found["everyday"]
-    beside = f", {everyday['row_weight']:.2g} beside the everyday forces" if everyday else ""
-    return f"a row is worth {found['row_weight']:.2g}{beside}"
+    with_forces = f", {everyday['row_weight']:.2g} beside the everyday forces" if everyday else ""
+    return f"a row is worth {found['row_weight']:.2g}{with_forces}"
 
 
 def error_table(found: dict[str, Any]) -> str:

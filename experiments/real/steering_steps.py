@@ -14,7 +14,7 @@ from drift_drake.gap.estimation.filter_state import STAGES, delayed, first_order
 LAGS = np.linspace(0.01, 0.4, 40)  # [s]
 SMALL = 0.1  # [rad] of steering up to which tyres slip little
 READINGS = 0.1  # [s] between two of them
-TOLD = 3.84  # twice the log likelihood that a lag loses at the ends of its 95 % interval
+LOST_AT_ENDS = 3.84  # twice the log likelihood that a lag loses at the ends of its 95 % interval
 RESAMPLES = 2000
 
 
@@ -42,7 +42,7 @@ def lag_interval(runs: Sequence[Run]) -> tuple[float, float, float]:
     for run in runs:
         errors = np.array([squared_error(run, float(lag))[0] for lag in LAGS])
         loss += squared_error(run, float(LAGS[0]))[1] * np.log(errors)
-    likely = LAGS[loss - np.min(loss) < TOLD]
+    likely = LAGS[loss - np.min(loss) < LOST_AT_ENDS]
     return float(LAGS[int(np.argmin(loss))]), float(likely[0]), float(likely[-1])
 
 
@@ -56,5 +56,5 @@ def steering_of_steps(runs: Sequence[Run], wheelbase: float) -> dict[str, Any]:
     lag, least, most = lag_interval(moved)
     return {
         "offset": {"runs": len(small), "estimate": float(np.mean(offsets)), "low": float(low), "high": float(high)},
-        "lag": {"runs": len(moved), "estimate": lag, "low": least, "high": most, "told": bool(most < LAGS[-1])},
+        "lag": {"runs": len(moved), "estimate": lag, "low": least, "high": most, "bounded": bool(most < LAGS[-1])},
     }

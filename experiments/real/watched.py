@@ -18,7 +18,7 @@ from diagrams.command import run_command
 from drift_drake.car.log.table import Run, read_case, read_run
 from drift_drake.car.vehicle_file import read_vehicle
 from drift_drake.common.run_folder import is_done, make_run_folder, write_json, write_versions
-from drift_drake.gap.monitoring.normal import NormalScores, calibrated_monitor, learn_normal_scores
+from drift_drake.gap.monitoring.baseline_scores import BaselineScores, calibrated_monitor, learn_baseline_scores
 from drift_drake.gap.monitoring.watch import rows_of, watched
 from experiments.made import write_report
 from experiments.other_worlds.changes import CHANGES
@@ -38,7 +38,7 @@ class Config:
     out: Path | None = None
 
 
-def watch(run: Run, car: Path, scores: NormalScores) -> list[dict[str, Any]]:
+def watch(run: Run, car: Path, scores: BaselineScores) -> list[dict[str, Any]]:
     """The events of a recording with a calibrated car."""
     monitor = calibrated_monitor(scores, run, *read_vehicle(car))
     return [event for _, _, events in watched(monitor, rows_of(run)) for event in events]
@@ -90,9 +90,9 @@ def text(rows: list[dict[str, Any]]) -> str:
     ]
     for name, magnitude in MAGNITUDES.items():
         some = [r for r in rows if f"-{name}-" in r["name"]]
-        told = [r["delay"] for r in some if r["delay"] is not None]
-        after = f"{np.median(told):.1f}" if told else "-"
-        lines.append(f"| {name} {magnitude:g}, either sign | {len(told)} of {len(some)} | {after} | "
+        delays = [r["delay"] for r in some if r["delay"] is not None]
+        after = f"{np.median(delays):.1f}" if delays else "-"
+        lines.append(f"| {name} {magnitude:g}, either sign | {len(delays)} of {len(some)} | {after} | "
                      f"{sum(r['right'] for r in some)} of {len(some)} |")  # fmt: skip
     return "\n".join(lines)
 
@@ -110,7 +110,7 @@ def main(config: Config) -> None:
             path = folder / f"{name}.json"
             if not is_done(path):
                 logs = [read_run(config.hand / "logs" / one / "run_0.csv") for one in on]
-                scores = scores or learn_normal_scores(logs, *read_vehicle(car))
+                scores = scores or learn_baseline_scores(logs, *read_vehicle(car))
                 write_json(path, row(name, run, onset, watch(run, car, scores)))
             rows.append(json.loads(path.read_text()))
     write_report(folder, text(rows), config)

@@ -32,14 +32,14 @@ def plant_of(effects, parameters=P):
     return VehiclePlant(parameters, make_effects(effects))
 
 
-def at_rest_of(plant, state, actuation=(0.0, 0.0), wrench=None, memory=None, pose=None):
-    """A Context of the plant in a state, its memory settled or as given."""
+def at_rest_of(plant, state, actuation=(0.0, 0.0), wrench=None, internal=None, pose=None):
+    """A Context of the plant in a state, its internal states settled or as given."""
     context = plant.CreateDefaultContext()
     plant.set_initial(context, state, pose=pose, actuation=actuation)
     plant.GetInputPort("actuation").FixValue(context, np.array(actuation, dtype=float))
     if wrench is not None:
         plant.GetInputPort("disturbance").FixValue(context, np.array(wrench))
-    for name, value in (memory or {}).items():
+    for name, value in (internal or {}).items():
         context.get_mutable_continuous_state_vector()[plant.state_names.index(name)] = value
     return context
 
@@ -56,7 +56,7 @@ def acceleration_of(effects, state, actuation=(0.0, 0.0), parameters=P, **keywor
 
 
 def simulate(effects, state, duration, actuation=(0.0, 0.0), parameters=P, settled=None, **keywords):
-    """(state, a_x, a_y) after `duration` under a constant actuation, the memory settled at `settled` before."""
+    """(state, a_x, a_y) after `duration` under a constant actuation, internal states settled at `settled` before."""
     plant = plant_of(effects, parameters)
     context = at_rest_of(plant, state, actuation if settled is None else settled, **keywords)
     plant.GetInputPort("actuation").FixValue(context, np.array(actuation, dtype=float))

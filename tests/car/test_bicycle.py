@@ -172,11 +172,11 @@ def test_energy_only_leaves_through_sliding_contact(p):
 
 def test_disturbance_is_a_force_in_the_body_frame():
     x, u, _ = POINTS["gripping"]
-    free, pushed = motion(*x[:4], *u, P), motion(*x[:4], *u, P, force_x=1650.0, force_y=-3300.0, moment=2350.0)
-    assert pushed.a_x - free.a_x == pytest.approx(1.0)
-    assert pushed.a_y - free.a_y == pytest.approx(-2.0)
-    assert pushed.r_dot - free.r_dot == pytest.approx(1.0)
-    assert pushed.omega_r_dot == free.omega_r_dot
+    free, disturbed = motion(*x[:4], *u, P), motion(*x[:4], *u, P, force_x=1650.0, force_y=-3300.0, moment=2350.0)
+    assert disturbed.a_x - free.a_x == pytest.approx(1.0)
+    assert disturbed.a_y - free.a_y == pytest.approx(-2.0)
+    assert disturbed.r_dot - free.r_dot == pytest.approx(1.0)
+    assert disturbed.omega_r_dot == free.omega_r_dot
 
 
 def test_left_and_right_are_alike():

@@ -7,7 +7,7 @@ from drift_drake.car.effects.catalogue import CATALOGUE, OWN, PARAMETRIC, fitted
 from drift_drake.car.effects.delays import sensor_delay
 from drift_drake.car.effects.magnitudes import (
     Effects,
-    Memory,
+    InternalStates,
     depends_on_heading,
     make_effects,
     measured,
@@ -38,10 +38,10 @@ def test_further_forces_are_those_of_air_road_and_rear_axle(seed):
                           weight * (np.sin(q.road_grade) * np.sin(psi) - np.sin(q.road_bank)), 0.0])  # fmt: skip
         drag = -q.aero_drag * v**2 * np.array([np.cos(beta), np.sin(beta), 0.0])
         rest = np.array([-q.rolling_resistance * weight, 0.0, -q.differential_yaw_moment * r * v])
-        found = with_forces(r, v, beta, omega_r, psi, CAR, q, Memory(), tuple(START))
+        found = with_forces(r, v, beta, omega_r, psi, CAR, q, InternalStates(), tuple(START))
         np.testing.assert_allclose(found, START + slope + drag + rest, rtol=1e-13, atol=1e-11)
         # The others are parameters of a double-track car, or nothing there.
-        found = with_double_track_forces(r, v, beta, omega_r, psi, CAR, q, Memory(), tuple(START))
+        found = with_double_track_forces(r, v, beta, omega_r, psi, CAR, q, InternalStates(), tuple(START))
         np.testing.assert_allclose(found, START + slope, rtol=1e-13, atol=1e-11)
 
 
@@ -62,7 +62,7 @@ def test_without_effects_nothing_is_there():
     still = Effects()
     assert not any(still)
     for r, v, beta, omega_r, psi in STATES:
-        assert not any(with_forces(r, v, beta, omega_r, psi, CAR, still, Memory(), (0.0, 0.0, 0.0)))
+        assert not any(with_forces(r, v, beta, omega_r, psi, CAR, still, InternalStates(), (0.0, 0.0, 0.0)))
         assert measured(r, v, beta, omega_r, still) == (r, v, beta, omega_r)
 
 
@@ -94,7 +94,7 @@ def test_a_vector_of_magnitudes_keeps_its_order():
                             "command_clock_error", "longitudinal_stiffness_error"]  # fmt: skip
 
 
-def test_rooms_find_by_the_records_what_they_look_for():
+def test_other_layers_find_by_the_records_what_they_look_for():
     assert set(fitted("alone")) == {"steering_delay", "tyre_thermal_fade", "steering_rate_limit", "sensor_latency",
                                     "gyro_bias", "sideslip_bias"}  # fmt: skip
     assert set(fitted("drives")) - set(fitted("further")) == {

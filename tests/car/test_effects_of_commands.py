@@ -64,8 +64,8 @@ def test_steering_rate_limit():
 def test_steering_rate_limit_with_a_lag():
     """Both together: the lag's rate, held within the limit."""
     effects = {"steering_rate_limit": 0.5, "steering_lag": 0.1}
-    assert rates_of(effects, COASTING, (0.3, 0.0), memory={"steering": 0.0}).steering == pytest.approx(0.5)
-    assert rates_of(effects, COASTING, (0.3, 0.0), memory={"steering": 0.29}).steering == pytest.approx(0.1)
+    assert rates_of(effects, COASTING, (0.3, 0.0), internal={"steering": 0.0}).steering == pytest.approx(0.5)
+    assert rates_of(effects, COASTING, (0.3, 0.0), internal={"steering": 0.29}).steering == pytest.approx(0.1)
 
 
 @pytest.mark.parametrize("q", [-0.03, 0.03])
@@ -87,8 +87,8 @@ def test_steering_ratio_error(q):
 def test_steering_ratio_error_comes_before_lag_and_limit():
     """What lags and is limited is the road wheel that the command asks for: (1 + q) times the command."""
     for slow in ({"steering_lag": 0.1}, {"steering_rate_limit": 0.5}):
-        wrong = rates_of({"steering_ratio_error": 0.2, **slow}, COASTING, (0.05, 0.0), memory={"steering": 0.02})
-        right = rates_of(slow, COASTING, (0.06, 0.0), memory={"steering": 0.02})
+        wrong = rates_of({"steering_ratio_error": 0.2, **slow}, COASTING, (0.05, 0.0), internal={"steering": 0.02})
+        right = rates_of(slow, COASTING, (0.06, 0.0), internal={"steering": 0.02})
         assert wrong.steering == pytest.approx(right.steering, rel=1e-12)
     settled, _, _ = simulate({"steering_ratio_error": 0.2, "steering_lag": 0.1}, COASTING, 0.01, (0.05, 0.0))
     assert settled.steering == pytest.approx(0.06, rel=1e-9)
@@ -124,5 +124,5 @@ def test_torque_lag(t):
     plant_view, _, _ = simulate({"torque_lag": q}, COASTING, t, (0.0, 100.0), settled=(0.0, 0.0))
     reached = 100.0 * (1.0 - math.exp(-t / q))
     assert plant_view.torque == pytest.approx(reached, rel=1e-6)
-    rates = rates_of({"torque_lag": q}, COASTING, (0.0, 100.0), memory={"torque": reached})
+    rates = rates_of({"torque_lag": q}, COASTING, (0.0, 100.0), internal={"torque": reached})
     assert rates.omega_r == pytest.approx(rates_of({}, COASTING, (0.0, reached)).omega_r, rel=1e-12)

@@ -81,7 +81,7 @@ def test_tyre_relaxation_rolls_each_axle_at_its_own_speed(v):
     """d(slip)/dt = max(V_x, 1) / q * (slip of the contact - slip): steered and sliding, the axles' V_x differ."""
     q, beta, delta, omega_r = 0.6, 0.3, 0.5, 9.0
     rates = rates_of({"tyre_relaxation": q}, (0.0, v, beta, omega_r, 0.0, 0.0), (delta, 0.0),
-                     memory={"front_slip": 0.0, "rear_slip": 0.0})  # fmt: skip
+                     internal={"front_slip": 0.0, "rear_slip": 0.0})  # fmt: skip
     front_slip = math.sin(beta - delta) / math.cos(beta - delta)
     assert rates.front_slip == pytest.approx(max(v * math.cos(beta - delta), 1.0) / q * front_slip, rel=1e-9)
     assert rates.rear_slip == pytest.approx(max(v * math.cos(beta), 1.0) / q * v * math.sin(beta) / omega_r, rel=1e-9)
@@ -115,7 +115,7 @@ def test_tyre_thermal_fade():
     ) / WHEELBASE
     assert a_y == pytest.approx(-P.gravity * grip, rel=1e-6)
 
-    cooled, _, _ = simulate({"tyre_thermal_fade": q}, COASTING, 6.0, memory={"front_heat": 1.0, "rear_heat": 0.5})
+    cooled, _, _ = simulate({"tyre_thermal_fade": q}, COASTING, 6.0, internal={"front_heat": 1.0, "rear_heat": 0.5})
     assert cooled.front_heat == pytest.approx(math.exp(-6.0 / 12.0), rel=1e-6)
     assert cooled.rear_heat == pytest.approx(0.5 * math.exp(-6.0 / 12.0), rel=1e-6)
 
@@ -134,7 +134,7 @@ def test_longitudinal_load_transfer_takes_load_off_the_front_axle():
     # Steered to 1.2 rad the front slides at its limit; the rear axle rolls freely.
     forces = []
     for acceleration in (0.0, a_x):
-        body = acceleration_of({"longitudinal_load_transfer": q}, state, (1.2, 0.0), memory={"a_x": acceleration})
+        body = acceleration_of({"longitudinal_load_transfer": q}, state, (1.2, 0.0), internal={"a_x": acceleration})
         forces.append(P.mass * math.hypot(*body))
     assert forces[0] == pytest.approx(WEIGHT * P.rear_axle_distance / WHEELBASE, rel=1e-9)
     assert forces[0] - forces[1] == pytest.approx(P.mass * q * a_x / WHEELBASE, rel=1e-9)
@@ -142,7 +142,7 @@ def test_longitudinal_load_transfer_takes_load_off_the_front_axle():
 
 def test_load_transfer_follows_the_accelerations_within_a_twentieth_of_a_second():
     """The filtered accelerations reach 1 - 1/e of a step after 0.05 s."""
-    view, a_x, _ = simulate({"longitudinal_load_transfer": 0.01}, WHEELSPIN, 0.05, memory={"a_x": 0.0, "a_y": 0.0})
+    view, a_x, _ = simulate({"longitudinal_load_transfer": 0.01}, WHEELSPIN, 0.05, internal={"a_x": 0.0, "a_y": 0.0})
     assert view.a_x / a_x == pytest.approx(1.0 - math.exp(-1.0), rel=0.01)
 
 

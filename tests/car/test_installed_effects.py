@@ -39,7 +39,7 @@ for make, mass in ((lambda q: VehiclePlant(car, q), car.mass), (lambda q: Double
     change = rates(blown, np.pi / 2) - rates(still, np.pi / 2)
     np.testing.assert_allclose(change[1], -500.0 / mass, rtol=1e-6)
     assert rates(limping, 0.0)[3] < rates(still, 0.0)[3] - 1.0
-assert VehiclePlant(car, make_effects({"side_wind": 500.0})).ToAutoDiffXd().has_memory
+assert VehiclePlant(car, make_effects({"side_wind": 500.0})).ToAutoDiffXd().has_internal_states
 
 # A state: the torque rises as that of a first-order lag, and falls at once.
 lag = 0.3
@@ -77,7 +77,7 @@ np.testing.assert_allclose(by_u[0, 14, 1] + by_u_next[0, 14, 1], 1.0 - np.exp(-0
 assert by_x[0, 3, 14] > 0.0
 rivals = RivalsStepModel(EffectsStepModel(car, make_effects({"limp_mode": 0.3})), model, np.ones(6), np.zeros(6))
 after = rivals.step(np.hstack([x, x[:, 6:]]), u, u, np.zeros(1))
-np.testing.assert_allclose(after[0, 15:], x_next[0, 6:], rtol=1e-9, atol=1e-9)  # the rival's memory beside the first's
+np.testing.assert_allclose(after[0, 15:], x_next[0, 6:], rtol=1e-9, atol=1e-9)  # the rival's internal states
 try:
     EffectsStepModel(car, make_effects({"side_wind": 300.0}))
 except ValueError as error:
@@ -116,11 +116,11 @@ def test_plants_sensors_and_filter_know_them(tmp_path: Path) -> None:
 
 def test_the_command_line_knows_them(tmp_path: Path) -> None:
     install(tmp_path, EFFECTS | DELAYS)
-    told = run(tmp_path, "-m", "drift_drake", "effects", "--json", "effects.json").stdout
-    line, *_ = (line for line in told.splitlines() if line.startswith("side_wind"))
+    reported = run(tmp_path, "-m", "drift_drake", "effects", "--json", "effects.json").stdout
+    line, *_ = (line for line in reported.splitlines() if line.startswith("side_wind"))
     assert line.split()[1:5] == ["N", "-1.5e+03", "to", "1.5e+03"]
-    assert "Shown by straight stretches there and back:\n  side_wind" in told
-    assert "Shown by throttle steps:\n  engine_delay" in told
+    assert "Shown by straight stretches there and back:\n  side_wind" in reported
+    assert "Shown by throttle steps:\n  engine_delay" in reported
     data = json.loads((tmp_path / "effects.json").read_text())
     assert data["engine_delay"]["installed"]
     assert data["engine_delay"]["delays"] == "tau_cmd"
@@ -284,6 +284,6 @@ def test_a_diagnosis_names_one(tmp_path: Path, name: str, magnitude: float) -> N
     (tmp_path / "logs").mkdir()
     made = run(tmp_path, "-c", DIAGNOSED, name, str(magnitude), jit=True)
     assert made.returncode == 0, made.stderr
-    told = run(tmp_path, "-m", "drift_drake", "diagnose", "logs", "--vehicle", "car.yaml", "--quiet", jit=True)
-    assert told.stdout.startswith(f"logs: {name} "), told.stdout + told.stderr
-    assert float(told.stdout.split()[2]) == pytest.approx(magnitude, rel=0.1)
+    reported = run(tmp_path, "-m", "drift_drake", "diagnose", "logs", "--vehicle", "car.yaml", "--quiet", jit=True)
+    assert reported.stdout.startswith(f"logs: {name} "), reported.stdout + reported.stderr
+    assert float(reported.stdout.split()[2]) == pytest.approx(magnitude, rel=0.1)

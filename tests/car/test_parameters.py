@@ -128,7 +128,7 @@ def test_a_tolerance_that_is_not_a_mapping(tmp_path):
     assert text.endswith("car.yaml: 'tolerance' must hold 'name: standard deviation' lines")
 
 
-def test_a_bad_value_is_told_with_its_file(tmp_path):
+def test_a_bad_value_is_reported_with_its_file(tmp_path):
     text = message_of(VehicleParameters.from_yaml, write(tmp_path, {"mass": "heavy"}))
     assert text.endswith("car.yaml: mass (m) is 'heavy'; give a finite number in kg")
 

@@ -8,11 +8,11 @@ from plant_bench import ACTUATION, MANY_EFFECTS, PARAMETERS, STATE, prepared, s_
 
 from drift_drake.car.effects.magnitudes import Effects
 from drift_drake.car.single_track.motion import derivatives
-from drift_drake.car.single_track.motion_with_effects import settled_memory
+from drift_drake.car.single_track.motion_with_effects import settled_internal_states
 from drift_drake.car.single_track.path_plant import PLANT_STATES
 from drift_drake.car.single_track.plant import (
     OFF_THE_MOTION,
-    PLANT_STATES_WITH_MEMORY,
+    PLANT_STATES_WITH_INTERNAL,
     VehiclePlant,
     acts_on_motion,
     changed_rates,
@@ -46,13 +46,13 @@ def test_only_the_acceleration_feeds_through_and_not_from_the_curvature():
         assert through == {("actuation", "acceleration"), ("disturbance", "acceleration")}
 
 
-def test_memory_exists_only_for_effects_on_the_motion():
+def test_internal_states_exist_only_for_effects_on_the_motion():
     assert not acts_on_motion(Effects(**dict.fromkeys(OFF_THE_MOTION, 0.01)))
     assert VehiclePlant(PARAMETERS).state_names == PLANT_STATES
     for name in set(Effects._fields) - set(OFF_THE_MOTION):
         assert acts_on_motion(Effects(**{name: 0.01}))
     plant = VehiclePlant(PARAMETERS, Effects(mass_error=0.1))
-    assert plant.state_names == PLANT_STATES_WITH_MEMORY
+    assert plant.state_names == PLANT_STATES_WITH_INTERNAL
     assert plant.CreateDefaultContext().num_continuous_states() == 18
 
 
@@ -80,7 +80,7 @@ def test_compiled_derivatives_are_the_plain_ones(wrench):
         p = PARAMETERS.constants()
         plain = (
             changed_rates(x, ACTUATION, wrench, 0.03, p, effects)
-            if plant.has_memory
+            if plant.has_internal_states
             else nominal_rates(x, ACTUATION, wrench, 0.03, p)
         )
         rates = plant.EvalTimeDerivatives(context).CopyToVector()
@@ -123,12 +123,12 @@ def test_initial_pose_without_a_path():
     np.testing.assert_array_equal(plant.GetOutputPort("pose").Eval(context), [1.0, 2.0, 3.0])
 
 
-def test_initial_memory_is_settled():
+def test_initial_internal_states_are_settled():
     plant = VehiclePlant(PARAMETERS, MANY_EFFECTS)
     context = prepared(plant)
     view = plant.state_view(plant.GetOutputPort("full_state").Eval(context))
-    memory = settled_memory(*STATE[:4], *ACTUATION, PARAMETERS.constants(), MANY_EFFECTS, view.psi)
-    np.testing.assert_allclose(view[10:], memory, rtol=1e-14)
+    internal = settled_internal_states(*STATE[:4], *ACTUATION, PARAMETERS.constants(), MANY_EFFECTS, view.psi)
+    np.testing.assert_allclose(view[10:], internal, rtol=1e-14)
     rates = plant.state_view(plant.EvalTimeDerivatives(context).CopyToVector())
     settled = (rates.steering, rates.torque, rates.front_slip, rates.rear_slip)
     np.testing.assert_allclose(settled, 0.0, atol=1e-12)

@@ -10,7 +10,7 @@ from pydrake.trajectories import PiecewisePolynomial
 
 from drift_drake.car.effects.magnitudes import Effects
 from drift_drake.car.single_track.motion import derivatives
-from drift_drake.car.single_track.motion_with_effects import motion_with_effects, settled_memory
+from drift_drake.car.single_track.motion_with_effects import motion_with_effects, settled_internal_states
 from drift_drake.car.single_track.path_plant import PLANT_STATES
 from drift_drake.car.single_track.plant import (
     VehiclePlant,
@@ -70,7 +70,7 @@ def test_cloned_context_replays_to_the_bit():
 
 
 def test_all_zero_effects_are_the_nominal_motion():
-    memory = settled_memory(*STATE[:4], *ACTUATION, PARAMETERS.constants(), Effects())
-    changed, _ = motion_with_effects(*STATE[:4], 0.3, memory, *ACTUATION, PARAMETERS.constants(), Effects())
+    internal = settled_internal_states(*STATE[:4], *ACTUATION, PARAMETERS.constants(), Effects())
+    changed, _ = motion_with_effects(*STATE[:4], 0.3, internal, *ACTUATION, PARAMETERS.constants(), Effects())
     nominal = derivatives(STATE, ACTUATION, 0.0, PARAMETERS.constants())
     np.testing.assert_allclose(changed[:4], nominal[:4], rtol=1e-14)

@@ -60,7 +60,7 @@ rates = plant.EvalTimeDerivatives(context).CopyToVector()[:6]
 np.testing.assert_allclose(ExtractValue(rates)[:, 0], x_dot, rtol=1e-9)
 np.testing.assert_allclose(ExtractGradient(rates), np.hstack([a, b]), rtol=1e-6, atol=1e-6)
 changed = VehiclePlant(car, make_effects({"aero_drag": 0.4}))
-assert changed.has_memory
+assert changed.has_internal_states
 changed.ToSymbolic()
 
 # The controller that believes in it plans otherwise than one that believes in the brush.

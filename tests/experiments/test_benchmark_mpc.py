@@ -32,7 +32,7 @@ def test_a_benchmark_names_machine_parts_counts_and_referees(
     assert all(found["solved"] for found in answer.values())
     assert ("casadi_ipopt" in answer) == benchmark_mpc.installed() == (numbers["missing"] == "")
     np.testing.assert_allclose([found["cost"] for found in answer.values()], answer["sqp"]["cost"], atol=1e-4)
-    assert set(numbers["beside_snopt"]) == {"linearise", "real_time_iteration", "snopt_warm"}
+    assert set(numbers["relative_to_snopt"]) == {"linearise", "real_time_iteration", "snopt_warm"}
     assert numbers["machine"] in capsys.readouterr().out
 
 
@@ -46,7 +46,7 @@ def test_without_casadi_a_benchmark_says_so_and_goes_on(
     assert set(answer) == {"sqp", "snopt", "ipopt"}
 
 
-def test_the_slowest_plans_are_solved_again_beside_others(tmp_path: Path) -> None:
+def test_the_slowest_plans_are_solved_again_with_others(tmp_path: Path) -> None:
     main(BenchmarkConfig(horizons=(3,), problems=4, again=2, referee_horizon=1, warm_problems=2, out=tmp_path))
     (ratio,) = json.loads((tmp_path / "numbers.json").read_text())["worst_over_median_again"].values()
     assert ratio >= 1.0

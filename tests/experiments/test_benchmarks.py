@@ -43,7 +43,7 @@ def test_plans_are_timed_by_the_iteration(tmp_path: Path, monkeypatch: pytest.Mo
     assert [row.split(" | ")[0] for row in rows if "Info-OCP" in row] == plans
 
 
-def test_rollouts_are_counted_beside_drakes(tmp_path: Path) -> None:
+def test_rollouts_are_counted_with_drakes(tmp_path: Path) -> None:
     config = benchmark_rollouts.BenchmarkConfig(repeats=1, out=tmp_path / "out")
     benchmark_rollouts.main(config)
     found = json.loads((tmp_path / "out" / "numbers.json").read_text())

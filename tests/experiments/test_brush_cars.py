@@ -9,7 +9,7 @@ from drift_drake.car.effects.magnitudes import Effects, make_effects
 from experiments.other_worlds.brush_car import advance, brush_force, differential
 from experiments.other_worlds.brush_cars import (
     BRUSH_CARS,
-    EVERYDAY,
+    VARIES_BY_DAY,
     day_runs,
     noisy,
     of_the_day,
@@ -23,11 +23,11 @@ from experiments.other_worlds.drivers import DAY_ONE, OTHER
 SMALL, TRUCK = BRUSH_CARS["small"], BRUSH_CARS["truck"]
 
 
-def rolled(car, effects, steering, push, seconds, speed):
+def rolled(car, effects, steering, thrust, seconds, speed):
     """States [rows, 15] under constant commands; `push` is the acceleration asked for [m/s^2]."""
     rows = round(seconds / 0.01)
     delta = np.full(rows + 1, steering)
-    tau = np.full(rows + 1, push * car.mass * car.wheel_radius / car.gear_ratio)
+    tau = np.full(rows + 1, thrust * car.mass * car.wheel_radius / car.gear_ratio)
     z = np.zeros((rows + 1, 15))
     z[0, [0, 6, 7]] = speed
     for row in range(rows):
@@ -97,7 +97,7 @@ def test_a_car_is_not_quite_the_same_on_any_day():
     days = [of_the_day(SMALL, make_effects({"mass_error": 0.1}), rng) for _ in range(200)]
     masses = [day.mass_error for day in days]
     assert np.mean(masses) == pytest.approx(0.1, abs=0.003)
-    assert np.std(masses) == pytest.approx(EVERYDAY["mass_error"] * 0.2, rel=0.2)
+    assert np.std(masses) == pytest.approx(VARIES_BY_DAY["mass_error"] * 0.2, rel=0.2)
     assert all(day.steering_lag == 0.0 for day in days)
 
 

@@ -50,17 +50,19 @@ def test_the_plant_is_the_rollout() -> None:
     assert abs(r) > 0.2
 
 
-def test_a_disturbance_pushes_and_turns_the_body() -> None:
+def test_a_disturbance_accelerates_and_turns_the_body() -> None:
     plant = BrushPlant(CAR, EFFECTS, None)
     context = plant.CreateDefaultContext()
     plant.set_initial(context, [0.5, 12.0, -0.1, 12.3, 0.0, 0.0], actuation=(0.05, 150.0))
     plant.GetInputPort("actuation").FixValue(context, [0.05, 150.0])
     free = plant.EvalTimeDerivatives(context).CopyToVector()
     plant.GetInputPort("disturbance").FixValue(context, [300.0, -500.0, 200.0])
-    pushed = plant.EvalTimeDerivatives(context).CopyToVector() - free
+    disturbed = plant.EvalTimeDerivatives(context).CopyToVector() - free
     mass = CAR.mass * (1.0 + EFFECTS.mass_error)
     along, across = 300.0 * np.cos(-0.1) - 500.0 * np.sin(-0.1), -500.0 * np.cos(-0.1) - 300.0 * np.sin(-0.1)
-    np.testing.assert_allclose(pushed[:3], [200.0 / CAR.yaw_inertia, along / mass, across / (12.0 * mass)], rtol=1e-6)
+    np.testing.assert_allclose(
+        disturbed[:3], [200.0 / CAR.yaw_inertia, along / mass, across / (12.0 * mass)], rtol=1e-6
+    )
 
 
 def test_it_starts_settled_in_its_turn() -> None:

@@ -115,10 +115,10 @@ def test_what_is_learnt_is_what_a_calibration_learns():
     steps = units(NAMES, vehicle)
     day = make_day([windowed(run) for run in runs], vehicle.constants(), Effects(), NAMES, steps)
     prior = np.array([prior_of(name, vehicle, frozenset()) for name in NAMES]) / steps
-    everyday, fitted = between_recordings(NAMES, vehicle) / steps, np.array([True, True, False])
-    normal = learn_normal(day, NAMES, steps, prior, everyday, left_of(prior, fitted)).normal
+    between, fitted = between_recordings(NAMES, vehicle) / steps, np.array([True, True, False])
+    normal = learn_normal(day, NAMES, steps, prior, between, left_of(prior, fitted)).normal
     seen = {1.0: seen_of(day, normal.scales, normal.precision)}
-    spread, known, scale = learnt(KeptWorld(NAMES, steps, vehicle, prior, everyday, fitted, seen, []), 1.0)
+    spread, known, scale = learnt(KeptWorld(NAMES, steps, vehicle, prior, between, fitted, seen, []), 1.0)
     np.testing.assert_allclose(known.mean, normal.expected)
     np.testing.assert_allclose(known.covariance, normal.left_open)
     np.testing.assert_allclose(spread.covariance, normal.covariance)

@@ -16,7 +16,7 @@ def result(real: float, corrected: float) -> dict[str, object]:
     return {"vehicle": 0, "tier": "pair", "said": "none", "right": False, "runs": runs}
 
 
-def test_a_simulator_that_foretells_the_car_is_told_from_one_that_does_not():
+def test_a_simulator_that_forecasts_the_car_is_distinguished_from_one_that_does_not():
     results = [result(e, 1.1 * e) for e in (0.2, 0.5, 1.0)]
     summary = summarise(results)
     assert summary["corrected"]["rms_e"]["median absolute error"] == pytest.approx(0.05)

@@ -138,7 +138,7 @@ def test_nothing_is_said_after_a_kill(tmp_path: Path) -> None:
     assert said_after([str(tmp_path / "starting.py")], tmp_path, end, wait) == (-signal.SIGKILL, "")
 
 
-def test_other_errors_are_told_as_they_are(tmp_path: Path) -> None:
+def test_other_errors_are_reported_as_they_are(tmp_path: Path) -> None:
     (tmp_path / "failing.py").write_text(WORKING.format("raise ValueError('x')"))
     done = subprocess.run([sys.executable, str(tmp_path / "failing.py")], env=os.environ | {"PYTHONPATH": str(ROOT)},
                           capture_output=True, text=True)  # fmt: skip

@@ -79,7 +79,7 @@ def test_tables_are_markdown(runs: pd.DataFrame) -> None:
     ]
 
 
-def test_what_the_lane_foretold_is_counted(runs: pd.DataFrame) -> None:
+def test_what_the_lane_forecast_is_counted(runs: pd.DataFrame) -> None:
     assert refusal_sentence(summarise(runs)) == ""
     twice = runs[runs["model"] == "twice_info"].assign(refused=[False, True, True, False, False, False])
     twice.loc[0, "completed"] = False

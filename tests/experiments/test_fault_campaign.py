@@ -29,16 +29,16 @@ def test_loops_come_in_pairs_and_none_twice() -> None:
         assert dataclasses.replace(one, guarded=False) == other
 
 
-def test_a_campaign_is_resumed_and_told(
+def test_a_campaign_is_resumed_and_reported(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(fault_campaign, "FAULTS", {name: FAULTS[name] for name in ("none", "no reading any more")})
     monkeypatch.setattr(fault_campaign, "run_jobs", run_here)
     config = dataclasses.replace(QUICK, out=tmp_path)
     main(config)
-    told = capsys.readouterr().out
-    assert told.startswith("4 loops: ")
-    assert "| no reading any more | 2 | 1 of 1 (1) |" in told
+    reported = capsys.readouterr().out
+    assert reported.startswith("4 loops: ")
+    assert "| no reading any more | 2 | 1 of 1 (1) |" in reported
     assert (tmp_path / "fault_campaign.png").stat().st_size > 10_000
     done = {path: path.stat().st_mtime_ns for path in (tmp_path / "loops").iterdir()}
     spoilt = next(iter(done))

@@ -67,7 +67,7 @@ def test_every_vehicle_may_have_an_effect_besides() -> None:
         ModelsConfig(also={"steering_dely": 0.1}).effects(0)
 
 
-def test_a_folder_of_an_older_version_is_told(tmp_path: Path, here: ExecutorConfig) -> None:
+def test_a_folder_of_an_older_version_is_reported(tmp_path: Path, here: ExecutorConfig) -> None:
     np.savez(tmp_path / "beliefs-000-0.npz", surprise=1.0, wanted=["once_info"])
     with pytest.raises(beliefs.OtherVersionError, match=r"beliefs-000-0\.npz: written by an older version"):
         main(config(tmp_path, here))
@@ -131,8 +131,8 @@ def test_the_drives_choose_the_model(tmp_path: Path, here: ExecutorConfig, capsy
     car = IdentifiedCar(VehicleParameters().replace(mass=1700.0), Effects()._replace(torque_lag=0.1))
     believing = drift_runs.Believing(learnt, "trapezoid", usual_surprise(learnt))
     for error, found in ((0.007, "identified"), (0.1, "adapting")):
-        told = dataclasses.replace(taught, findings={"identified": Findings(car, error)})
-        labels, believes = believing("chosen", told)
+        reported = dataclasses.replace(taught, findings={"identified": Findings(car, error)})
+        labels, believes = believing("chosen", reported)
         assert (labels["believed"], labels["refused"]) == (found, found == "adapting")
         if found == "identified":
             assert believes == car
@@ -140,8 +140,8 @@ def test_the_drives_choose_the_model(tmp_path: Path, here: ExecutorConfig, capsy
             assert isinstance(believes, Learnt)
             assert (believes.adapting, believes.lags) == (True, True)
             assert believes.model.content_hash() == learnt.content_hash()
-        assert believing("identified", told)[1] == car
-        assert believing("chosen_once", told)[0]["believed"] == "adapting"  # which asks the first drive alone
+        assert believing("identified", reported)[1] == car
+        assert believing("chosen_once", reported)[0]["believed"] == "adapting"  # which asks the first drive alone
 
 
 def test_a_brush_car_is_another_for_each_vehicle_and_known_to_its_oracle(tmp_path: Path, here: ExecutorConfig) -> None:

@@ -40,7 +40,7 @@ def test_cases_are_runs_and_labels_are_not_readable(cases):
     assert not any(name.encode() in sealed for name in CATALOGUE)
 
 
-def test_scored_cases_are_rows_beside_what_they_hid(tmp_path):
+def test_scored_cases_are_rows_with_what_they_hid(tmp_path):
     (tmp_path / "answers").mkdir()
     nothing = Interval(0.0, 0.0, 0.0)
     lag = {"steering_lag": Interval(0.1, 0.05, 0.15)}

@@ -59,7 +59,7 @@ def test_each_rung_of_the_papers_model_adds_to_the_one_before() -> None:
     ]
 
 
-def test_the_papers_model_is_only_told_which_drifts_to_plan_for(tmp_path: Path) -> None:
+def test_the_papers_model_is_only_given_the_drifts_to_plan_for(tmp_path: Path) -> None:
     files = checkpoints(ImprovementsConfig(), tmp_path)
     assert files["shipped"] is None
     assert "between" not in files

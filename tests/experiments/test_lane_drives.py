@@ -89,8 +89,8 @@ def test_a_vehicle_is_driven_along_the_first_plan_plans_of_the_pool_and_of_its_o
     # What an own plan knows is what was driven since the last that was not of its own.
     model = load_model()
     for (belief, _, _), drive in zip(PLANNED, (0, 2), strict=True):
-        told = adapted(model, every_tenth.where(every_tenth.drive == drive))
-        np.testing.assert_allclose(belief.covariance, told.covariance, rtol=1e-9, atol=1e-9)
+        reported = adapted(model, every_tenth.where(every_tenth.drive == drive))
+        np.testing.assert_allclose(belief.covariance, reported.covariance, rtol=1e-9, atol=1e-9)
     before = (folder / "lane.npz").stat().st_mtime_ns
     assert lane_drives.lane_drives((config, "train", 1, pool)) == endings
     assert (folder / "lane.npz").stat().st_mtime_ns == before

@@ -9,7 +9,7 @@ import pytest
 from drift_drake.car.effects.magnitudes import Effects
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.car.single_track.effects_step import EffectsStepModel
-from drift_drake.car.single_track.motion_with_effects import settled_memory
+from drift_drake.car.single_track.motion_with_effects import settled_internal_states
 from drift_drake.car.step_model import NominalStepModel
 from drift_drake.drive.learnt.checkpoint import load_model
 from drift_drake.drive.learnt.command_lag import lagged_commands
@@ -39,10 +39,15 @@ def test_the_true_curve_is_the_nominal_cars_without_effects() -> None:
 def test_the_true_curve_is_the_oracles_with_effects() -> None:
     x, u = states_and_inputs()
     effects = draw_effects("held_out", 0, 0)
-    memory = np.array([settled_memory(*row[:4], *command, CAR.constants(), effects) for row, command in zip(x, u)])  # noqa: B905
-    step = EffectsStepModel(CAR, effects).step(np.hstack([x, memory]), u, u, np.zeros(len(x)))
+    internal = np.array(
+        [
+            settled_internal_states(*row[:4], *command, CAR.constants(), effects)
+            for row, command in zip(x, u, strict=True)
+        ]
+    )
+    step = EffectsStepModel(CAR, effects).step(np.hstack([x, internal]), u, u, np.zeros(len(x)))
     change = true_change(STEERING, CAR.constants(), effects)
-    np.testing.assert_allclose(change, (step - np.hstack([x, memory]))[:, :4] / 0.1, rtol=0, atol=5e-3)
+    np.testing.assert_allclose(change, (step - np.hstack([x, internal]))[:, :4] / 0.1, rtol=0, atol=5e-3)
 
 
 def test_the_models_curve_is_its_step() -> None:

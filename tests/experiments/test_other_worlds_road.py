@@ -122,7 +122,7 @@ def test_a_limit_that_acts_the_more_the_lower_it_is_has_its_size_inverted():
     assert size_name(row({"mass_error": 0.1}, answer("none", detection={"mass_error": {"least": None}}))) == NO_LIMIT
 
 
-def test_a_case_without_an_answer_counts_as_wrong_and_is_told(tmp_path):
+def test_a_case_without_an_answer_counts_as_wrong_and_is_reported(tmp_path):
     out = tmp_path / "code.json"
 
     def broken(_part):
@@ -271,13 +271,13 @@ def test_a_folder_that_is_no_world_is_refused(tmp_path):
         road.main(road.Road((one, other), tmp_path / "run"))
 
 
-def test_a_case_of_a_car_that_failed_is_told(tmp_path):
+def test_a_case_of_a_car_that_failed_is_reported(tmp_path):
     job = jobs.Ask(tmp_path / "case", tmp_path / "car", tmp_path / "case.json")
     jobs.ask(job)
     assert answer_of(job.out)["verdict"] == jobs.NO_CAR
 
 
-def test_what_the_commands_refuse_is_told_with_their_sentence(tmp_path):
+def test_what_the_commands_refuse_is_reported_with_their_sentence(tmp_path):
     (tmp_path / "start.yaml").write_text(START)
     car = Calibrate((tmp_path / "day_one",), tmp_path / "start.yaml", tmp_path / "car")
     jobs.calibrate(car)

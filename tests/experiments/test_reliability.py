@@ -85,7 +85,7 @@ def make_road(tmp_path):
     return folder
 
 
-def test_a_road_is_read_drawn_and_told(tmp_path, capsys):
+def test_a_road_is_read_drawn_and_reported(tmp_path, capsys):
     folder = make_road(tmp_path)
     assert [r.case for r in rows_of_road(folder)] == ["aa"]
     main(Reliability((folder,), tmp_path / "picture.png"))

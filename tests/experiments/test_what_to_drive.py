@@ -36,5 +36,5 @@ def test_a_plan_is_followed_from_its_own_points():
     driver = PlanDriver(x, u, vehicle)
     delta, _ = driver.command(1.0, x[10], (float(u[10, 0]), float(u[10, 1])))
     assert delta == pytest.approx(u[10, 0] + 0.1 * (u[11, 0] - u[10, 0]), abs=1e-9)
-    pushed = x[10] + np.array([0.0, 0.0, 0.0, 0.0, 0.5, 0.0])
-    assert driver.command(1.0, pushed, (float(u[10, 0]), float(u[10, 1])))[0] < delta
+    moved = x[10] + np.array([0.0, 0.0, 0.0, 0.0, 0.5, 0.0])
+    assert driver.command(1.0, moved, (float(u[10, 0]), float(u[10, 1])))[0] < delta

@@ -22,7 +22,7 @@ from fuzzing import COUNTS, LONGEST
 
 from drift_drake.cli.main import load, main
 
-BESIDE = 6.0  # times as long on the clock: what rests so long hangs, and other work may go on beside
+CLOCK_FACTOR = 6.0  # times as long on the clock: what rests so long hangs, and other work may go on beside
 MEMORY = 2 << 30  # bytes beside what the interpreter has already
 SPOKEN = ("check", "watch", "apply", "effects", "import", "export", "replay", "diagnose", "fleet")
 BAD = re.compile(rb"Traceback \(most recent call last\)|Warning:|Fatal Python error|core dumped|NoneType: None")
@@ -76,7 +76,7 @@ def command(folder: Path, *words: str | Path, killed_after: float | None = None,
         _run(folder, arguments, heard, longest)
     with contextlib.suppress(OSError):  # whichever of the two comes first; it may have ended already
         os.setpgid(child, child)
-    end, hung = begun + (BESIDE * longest if killed_after is None else killed_after), False
+    end, hung = begun + (CLOCK_FACTOR * longest if killed_after is None else killed_after), False
     while (ended := os.wait4(child, os.WNOHANG))[0] == 0:
         if time.monotonic() > end:
             hung = killed_after is None

@@ -6,7 +6,7 @@ from functools import wraps
 import pytest
 
 from drift_drake.gap.diagnosis.answers.answer import Answer
-from drift_drake.gap.diagnosis.calibrated import diagnose_day
+from drift_drake.gap.diagnosis.calibrated import diagnose_change
 from drift_drake.gap.diagnosis.likelihood import diagnose
 
 
@@ -26,6 +26,6 @@ def answers_follow_the_schema():
         return answer
 
     with pytest.MonkeyPatch.context() as patch:
-        for module in (diagnose_day, diagnose):
+        for module in (diagnose_change, diagnose):
             patch.setattr(module, "Answer", checked)
         yield

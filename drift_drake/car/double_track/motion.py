@@ -15,7 +15,7 @@ from drift_drake.car.double_track.tyres import tire_force
 from drift_drake.car.effects.catalogue import CATALOGUE
 from drift_drake.car.effects.magnitudes import (
     INSTALLED_STATES,
-    NO_MEMORY,
+    NO_INTERNAL_STATES,
     Effects,
     actuation_of,
     with_double_track_forces,
@@ -258,7 +258,7 @@ def double_track_motion(r: Any, v: Any, beta: Any, omega_r: Any, psi: Any, own: 
     lagged_steering = q.steering_lag + q.steering_rate_limit
     steering, torque = actuation_of(
         select(0.0, lagged_steering, own.steering, delta) + q.steering_offset,
-        select(0.0, q.torque_lag, own.torque, tau), v, q, NO_MEMORY)  # fmt: skip
+        select(0.0, q.torque_lag, own.torque, tau), v, q, NO_INTERNAL_STATES)  # fmt: skip
 
     forces = wheel_forces(own, p)
     left, right = road_wheel_angles(steering, forces.front_left + forces.front_right, p)
@@ -267,7 +267,7 @@ def double_track_motion(r: Any, v: Any, beta: Any, omega_r: Any, psi: Any, own: 
     ground_x = ground_x - p.rolling_resistance * p.mass * p.gravity
     drag = p.aero_drag * v * v
     wrench = ground_x - drag * cos(beta), ground_y - drag * sin(beta), m_z
-    f_x, f_y, m_z = with_double_track_forces(r, v, beta, omega_r, psi, p, q, NO_MEMORY, wrench)
+    f_x, f_y, m_z = with_double_track_forces(r, v, beta, omega_r, psi, p, q, NO_INTERNAL_STATES, wrench)
     a_x, a_y = (f_x + force_x) / p.mass, (f_y + force_y) / p.mass
     v_dot, beta_dot = planar_motion(r, v, beta, a_x, a_y)
 

@@ -88,7 +88,7 @@ class DoubleTrackCarPlant(PathPlant):
         InvalidVehicleError: an effect that this car cannot have (`motion.NOT_OF_THIS_CAR`).
     """
 
-    has_memory = True  # effects may change during a run: see `VehiclePlant`
+    has_internal_states = True  # effects may change during a run: see `VehiclePlant`
 
     parameters: DoubleTrackParameters
     effects: Effects

@@ -1,7 +1,7 @@
 """The double-track car as a one-step model: what an MPC believes that knows this car and its effects (its oracle).
 
 The car's own states (`double_track.motion.OwnStates`: actuators, rim difference, roll, wheel loads, slips) are states
-of the model. They are not measured; `MemoryObserver` runs them along the measured states and the commands.
+of the model. They are not measured; `InternalStateObserver` runs them along the measured states and the commands.
 """
 
 import math
@@ -17,7 +17,7 @@ from drift_drake.car.double_track.stepping import OWN, SIZE, advance_state, path
 from drift_drake.car.effects.magnitudes import Effects
 from drift_drake.car.integrate import runge_kutta
 from drift_drake.car.scalar import jitable
-from drift_drake.car.single_track.effects_step import MemoryObserver, check_one_step
+from drift_drake.car.single_track.effects_step import InternalStateObserver, check_one_step
 from drift_drake.car.single_track.motion import path_rates
 from drift_drake.car.step_model import INPUT_SCALE, STATE_SCALE, STEP, StepModel
 from drift_drake.common.arrays import Array
@@ -52,7 +52,7 @@ class DoubleTrackStepModel(StepModel):
     def __init__(self, parameters: DoubleTrackParameters, effects: Effects = Effects()) -> None:
         check_one_step(effects)
         check_supported(effects)
-        self.memory_scale = OWN_SCALE
+        self.internal_scale = OWN_SCALE
         self.parameters, self.constants, self.effects = parameters, parameters.constants(), effects
         self.substeps = max(LEAST_SUBSTEPS, math.ceil(STEP * self._fastest() / ACCURATE))
 
@@ -61,7 +61,7 @@ class DoubleTrackStepModel(StepModel):
         return DoubleTrackStepModel(self.parameters, Effects(*(float(q) for q in theta)))
 
     def observer(self, period: float) -> LeafSystem:
-        return MemoryObserver(self, period)
+        return InternalStateObserver(self, period)
 
     def step(self, x: Array, u: Array, u_next: Array, curvature: Array) -> Array:
         x_next = np.array(x, dtype=float, order="C")

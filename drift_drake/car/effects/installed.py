@@ -43,7 +43,7 @@ KINDS: tuple[tuple[tuple[str, ...], Callable[[Any], bool], str], ...] = (
     (TEXTS, lambda value: isinstance(value, str), "a text"),
     (FLAGS, lambda value: isinstance(value, bool), "True or False"),
     (FUNCTIONS, lambda value: value is None or callable(value), "a function"),
-    (("drawn", "drawn_wide"), lambda value: isinstance(value, Distribution | None), "a Distribution"),
+    (("drawn", "drawn_out_of_distribution"), lambda value: isinstance(value, Distribution | None), "a Distribution"),
     (("scales",), lambda value: value in (None, *READ), f"one of {', '.join(READ)}"),
     (("double_track",), lambda value: value in ("effect", "nothing"), "'effect' or 'nothing'"),
 )

@@ -10,12 +10,12 @@ from drift_drake.car.scalar import jitable
 Function = Callable[..., Any]
 
 
-def joined_physics(effects: Sequence[str], memory: Sequence[str]) -> tuple[Function, ...]:
+def joined_physics(effects: Sequence[str], internal: Sequence[str]) -> tuple[Function, ...]:
     """Actuation and errors of readings of all effects, the rates of their states and where these start; a wrench
     with the further forces on a single-track and on a double-track car.
 
     Args:
-        effects, memory: names of the fields of `effects.Effects` and `effects.Memory`.
+        effects, internal: names of the fields of `effects.Effects` and `effects.InternalStates`.
     """
 
     def chain(kind: str, nothing: Function, join: Callable[..., Function], left_out: Sequence[str] = ()) -> Function:
@@ -24,28 +24,28 @@ def joined_physics(effects: Sequence[str], memory: Sequence[str]) -> tuple[Funct
             function = getattr(effect, kind)
             if function is None or effect.double_track in left_out:
                 continue
-            state = memory.index(name) if effect.rate else None
+            state = internal.index(name) if effect.rate else None
             total = jitable(join(total, jitable(function), effects.index(name), state))
         return total
 
     return (
-        chain("actuation", lambda delta, tau, v, q, memory: (delta, tau), _after),
+        chain("actuation", lambda delta, tau, v, q, internal: (delta, tau), _after),
         chain("reading", lambda r, beta, omega_r, q: (0.0, 0.0, 0.0), _with_error),
-        chain("rate", lambda r, v, beta, omega_r, delta, tau, car, q, memory: (), _with_rate),
+        chain("rate", lambda r, v, beta, omega_r, delta, tau, car, q, internal: (), _with_rate),
         chain("start", lambda r, v, beta, omega_r, delta, tau, car, q: (), _with_start),
-        _forces(effects, memory, ()),
-        _forces(effects, memory, ("parameter", "nothing")),
+        _forces(effects, internal, ()),
+        _forces(effects, internal, ("parameter", "nothing")),
     )
 
 
-def _forces(effects: Sequence[str], memory: Sequence[str], left_out: Sequence[str]) -> Function:
+def _forces(effects: Sequence[str], internal: Sequence[str], left_out: Sequence[str]) -> Function:
     """A wrench with the forces added; written out, since in a chain each function costs a compilation."""
     known = dict[str, Function]()
-    lines = ["def total(r, v, beta, omega_r, psi, car, q, memory, wrench):", "x, y, m = wrench"]
+    lines = ["def total(r, v, beta, omega_r, psi, car, q, internal, wrench):", "x, y, m = wrench"]
     for name, effect in CATALOGUE.items():
         if effect.force is not None and effect.double_track not in left_out:
             known[name] = jitable(effect.force)
-            state = f", memory[{memory.index(name)}]" if effect.rate else ""
+            state = f", internal[{internal.index(name)}]" if effect.rate else ""
             lines.append(f"x_, y_, m_ = {name}(r, v, beta, omega_r, psi, car, q[{effects.index(name)}]{state})")
             lines.append("x, y, m = x + x_, y + y_, m + m_")
     exec("\n    ".join([*lines, "return x, y, m"]), known)
@@ -71,16 +71,16 @@ def or_there(before: Function, place: int) -> Function:
 def _own_numbers(index: int, place: int | None) -> Function:
     """An effect's magnitude, and its state behind it where it has one."""
     if place is None:
-        return jitable(lambda q, memory: (q[index],))
-    return jitable(lambda q, memory: (q[index], memory[place]))
+        return jitable(lambda q, internal: (q[index],))
+    return jitable(lambda q, internal: (q[index], internal[place]))
 
 
 def _after(before: Any, change: Any, index: int, place: int | None) -> Function:
     own = _own_numbers(index, place)
 
-    def actuation(delta: Any, tau: Any, v: Any, q: Any, memory: Any) -> Any:
-        angle, torque = before(delta, tau, v, q, memory)
-        return change(angle, torque, v, *own(q, memory))
+    def actuation(delta: Any, tau: Any, v: Any, q: Any, internal: Any) -> Any:
+        angle, torque = before(delta, tau, v, q, internal)
+        return change(angle, torque, v, *own(q, internal))
 
     return actuation
 
@@ -95,10 +95,10 @@ def _with_error(before: Any, reading: Any, index: int, _: None) -> Function:
 
 def _with_rate(before: Any, rate: Any, index: int, place: int) -> Function:
     def rates(
-        r: Any, v: Any, beta: Any, omega_r: Any, delta: Any, tau: Any, car: Constants, q: Any, memory: Any
+        r: Any, v: Any, beta: Any, omega_r: Any, delta: Any, tau: Any, car: Constants, q: Any, internal: Any
     ) -> Any:
-        others = before(r, v, beta, omega_r, delta, tau, car, q, memory)
-        return others + (rate(r, v, beta, omega_r, delta, tau, car, q[index], memory[place]) + 0.0 * r,)  # noqa: RUF005
+        others = before(r, v, beta, omega_r, delta, tau, car, q, internal)
+        return others + (rate(r, v, beta, omega_r, delta, tau, car, q[index], internal[place]) + 0.0 * r,)  # noqa: RUF005
 
     return rates
 

@@ -35,7 +35,7 @@ else:
     Effects = namedtuple("Effects", CATALOGUE, defaults=(0.0,) * len(CATALOGUE), module=__name__)
 
 
-class Memory(NamedTuple):
+class InternalStates(NamedTuple):
     """States that effects own; as a value or as a time derivative.
 
     Those of effects that other packages install are fields too, behind these, by the names of the effects.
@@ -52,16 +52,17 @@ class Memory(NamedTuple):
 
 
 if not TYPE_CHECKING and INSTALLED_STATES:
-    Memory = namedtuple("Memory", (*Memory._fields, *INSTALLED_STATES),
-                        defaults=(0.0,) * (len(Memory._fields) + len(INSTALLED_STATES)), module=__name__)  # fmt: skip
+    InternalStates = namedtuple("InternalStates", (*InternalStates._fields, *INSTALLED_STATES),
+                                defaults=(0.0,) * (len(InternalStates._fields) + len(INSTALLED_STATES)),
+                                module=__name__)  # fmt: skip
 
 COUNT = len(Effects._fields)
-MEMORIES = len(Memory._fields)
-NO_MEMORY = Memory()
+INTERNAL_COUNT = len(InternalStates._fields)
+NO_INTERNAL_STATES = InternalStates()
 
 
-physics = joined_physics(Effects._fields, Memory._fields)
-actuation_of, reading_errors, memory_rates, memory_starts, with_forces, with_double_track_forces = physics
+physics = joined_physics(Effects._fields, InternalStates._fields)
+actuation_of, reading_errors, internal_rates, internal_starts, with_forces, with_double_track_forces = physics
 depends_on_heading = over(map(Effects._fields.index, sorted(HEADED)), False, or_there)
 _by_r, _by_v, _by_beta, _by_rim = (
     over([i for i, effect in enumerate(CATALOGUE.values()) if effect.scales == name], 0.0, plus) for name in READ

@@ -135,7 +135,9 @@ class Effect:
     double_track: Literal["effect", "parameter", "nothing"] = "effect"  # what it is on a car that has both tracks
     fitted: tuple[Fit, ...] = ()  # by which methods unasked
     drawn: Distribution | None = None  # magnitudes of the simulated vehicles that a model is trained on
-    drawn_wide: Distribution | None = None  # of vehicles out of that distribution, where `drawn` has none
+    drawn_out_of_distribution: Distribution | None = (
+        None  # of vehicles out of that distribution, where `drawn` has none
+    )
     since: int = 1  # version of the package's own catalogue, by which vectors of magnitudes are ordered
     force: Force | None = None
     actuation: Actuation | None = None

@@ -1,7 +1,7 @@
 """The car with effects as a one-step model: what an MPC that knows the true car believes (the oracle).
 
 The effects' own states (lags, relaxation, heat, filtered accelerations) are states of the model. They are not measured;
-`MemoryObserver` runs them along the measured states and the commands.
+`InternalStateObserver` runs them along the measured states and the commands.
 """
 
 import copy
@@ -17,9 +17,9 @@ from drift_drake.car.effects.catalogue import CATALOGUE, OFF_THE_MOTION, PARAMET
 from drift_drake.car.effects.magnitudes import (
     COUNT,
     INSTALLED_STATES,
-    MEMORIES,
+    INTERNAL_COUNT,
     Effects,
-    Memory,
+    InternalStates,
 )
 from drift_drake.car.integrate import ramp, runge_kutta
 from drift_drake.car.parameters import Constants, VehicleParameters
@@ -29,16 +29,16 @@ from drift_drake.car.single_track.motion_with_effects import (
     RATE_LIMIT_TIME,
     changed_constants,
     motion_with_effects,
-    settled_memory,
+    settled_internal_states,
 )
 from drift_drake.car.step_model import STEP, SUBSTEPS, NominalStepModel, StepModel, block_scale
 from drift_drake.common.arrays import Array
 from drift_drake.common.updates import declare_update
 
-MEMORY_SCALE = np.array([0.3, 100.0, 0.3, 0.3, 1.0, 1.0, 5.0, 5.0] + [1.0] * len(INSTALLED_STATES))
-STATE_SIZE = 6 + MEMORIES
+INTERNAL_SCALE = np.array([0.3, 100.0, 0.3, 0.3, 1.0, 1.0, 5.0, 5.0] + [1.0] * len(INSTALLED_STATES))
+STATE_SIZE = 6 + INTERNAL_COUNT
 COMPLEX_STEP = 1e-30
-DIFFERENCES = 1e-7 * block_scale(MEMORY_SCALE)
+DIFFERENCES = 1e-7 * block_scale(INTERNAL_SCALE)
 STABLE = 2.5  # times its settling time, up to which a step of Runge-Kutta is stable (2.78 at the limit)
 FASTEST = 30.0  # [m/s] at which slips still settle so
 BEYOND = tuple(name for name, effect in CATALOGUE.items() if name in OFF_THE_MOTION or "psi" in effect.needs)
@@ -63,31 +63,31 @@ def planned_with(effects: Effects) -> Effects:
 
 
 class RememberingModel(Protocol):
-    """What `MemoryObserver` asks of a step model of n = 6 + m states."""
+    """What `InternalStateObserver` asks of a step model of n = 6 + m states."""
 
-    memory_scale: Array
+    internal_scale: Array
 
     def with_theta(self, theta: Array) -> Self:
         """The model of the car with other magnitudes of the effects."""
 
     def settled(self, state: Array, command: Array) -> Array:
-        """The memory [m] of a car that has been in (r, v, beta, omega_r) under (delta, tau) for long."""
+        """The internal states [m] of a car that has been in (r, v, beta, omega_r) under (delta, tau) for long."""
 
     def run_on(self, x: Array, u: Array, u_next: Array, duration: float) -> Array:
         """The state [n] a duration [s] after x [n] on a straight path, the input going from u to u_next [2]."""
 
     def follows_at_once(self) -> NDArray[np.bool_]:
-        """Which of the memory [m] nothing lags or relaxes, so that it always is the settled one."""
+        """Which of the internal states [m] nothing lags or relaxes, so that it always is the settled one."""
 
 
-class MemoryObserver(LeafSystem):
-    """Runs a model's memory along what is measured: its states are stable, so that their initial error dies out.
+class InternalStateObserver(LeafSystem):
+    """Runs a model's internal states along what is measured: they are stable, so that their initial error dies out.
 
     What no effect lags or relaxes follows the commands and the slips at once, so that an effect may begin at any time.
 
     Input ports: measured_state [7]; command [2], in force; theta (optional), magnitudes in place of the model's own.
-    Output port: memory [m] (`effects.Memory`, or `double_track.motion.OwnStates`).
-    State in the Context, each `period`: the memory and the command of the last tick; the memory starts settled.
+    Output port: internal states [m] (`effects.InternalStates`, or `double_track.motion.OwnStates`).
+    State in the Context, each `period`: the internal states, settled at the start, and the command of the last tick.
     """
 
     def __init__(self, model: RememberingModel, period: float = 0.01) -> None:
@@ -96,20 +96,20 @@ class MemoryObserver(LeafSystem):
         self._measured = self.DeclareVectorInputPort("measured_state", 7)
         self._command = self.DeclareVectorInputPort("command", 2)
         self._theta = self.DeclareVectorInputPort("theta", COUNT)
-        memories = model.memory_scale.size
-        # Time, state, memory and command of the last tick.
-        held = self.DeclareDiscreteState(np.full(1 + 6 + memories + 2, np.nan))
+        internal_count = model.internal_scale.size
+        # Time, state, internal states and command of the last tick.
+        held = self.DeclareDiscreteState(np.full(1 + 6 + internal_count + 2, np.nan))
         declare_update(self, period, self._update)
         inputs = {self.input_port_ticket(port.get_index()) for port in (self._measured, self._command, self._theta)}
         self.DeclareVectorOutputPort(
-            "memory",
-            memories,
+            "internal_states",
+            internal_count,
             lambda context, output: output.SetFromVector(self._now(context)[7:-2]),
             prerequisites_of_calc={*inputs, self.discrete_state_ticket(held), self.time_ticket()},
         )
 
     def _now(self, context: Context) -> Array:
-        """(time, measured state [6], memory, command [2]) at this tick, the memory run on from the last one."""
+        """(time, measured state [6], internal states, command [2]) at this tick, run on from the last one."""
         held, t = context.get_discrete_state_vector().value(), context.get_time()
         if t - held[0] < 0.5 * self._period:
             return held
@@ -119,11 +119,11 @@ class MemoryObserver(LeafSystem):
             model = model.with_theta(self._theta.Eval(context))
         if not np.isfinite(measured).all():  # no reading: go on from the last one
             measured = held[1:8]
-        memory = model.settled(measured[:4], command)
+        internal = model.settled(measured[:4], command)
         if not np.isnan(held[0]) and np.isfinite(held[7:-2]).all():
             later = model.run_on(held[1:-2], held[-2:], command, self._period)
-            memory = np.where(model.follows_at_once(), memory, later[6:])
-        return np.concatenate([[t], measured[:6], memory, command])
+            internal = np.where(model.follows_at_once(), internal, later[6:])
+        return np.concatenate([[t], measured[:6], internal, command])
 
     def _update(self, context: Context, discrete: DiscreteValues) -> None:
         discrete.set_value(self._now(context))
@@ -157,7 +157,7 @@ class EffectsStepModel(StepModel):
     def __init__(self, parameters: VehicleParameters, effects: Effects, exact: bool = True) -> None:
         check_one_step(effects)
         self._exact = exact
-        self.memory_scale = MEMORY_SCALE
+        self.internal_scale = INTERNAL_SCALE
         self.constants, self.effects = parameters.constants(), effects
         self._substeps = max(SUBSTEPS, _stable_substeps(effects, STEP))
 
@@ -173,10 +173,10 @@ class EffectsStepModel(StepModel):
         return self.of_car(self.constants, Effects(*(float(q) for q in theta)))
 
     def observer(self, period: float) -> LeafSystem:
-        return MemoryObserver(self, period)
+        return InternalStateObserver(self, period)
 
     def settled(self, state: Array, command: Array) -> Array:
-        return np.array(settled_memory(*state, *command, self.constants, self.effects), dtype=float)
+        return np.array(settled_internal_states(*state, *command, self.constants, self.effects), dtype=float)
 
     def run_on(self, x: Array, u: Array, u_next: Array, duration: float) -> Array:
         x_next = np.empty((1, STATE_SIZE))
@@ -216,7 +216,7 @@ class EffectsStepModel(StepModel):
     def _linearize_parametric(
         self, x: Array, u: Array, u_next: Array, curvature: Array
     ) -> tuple[Array, Array, Array, Array]:
-        """The same of a car with other constants and no more; its memory, which nothing depends on, is held."""
+        """The same of a car with other constants and no more; internal states, which nothing depends on, are held."""
         car = NominalStepModel.of(changed_constants(self.constants, self.effects))
         count, n = len(x), STATE_SIZE
         x_next, by_x = x.copy(), np.tile(np.eye(n), (count, 1, 1))
@@ -243,8 +243,8 @@ def _contiguous(x: Array, u: Array, u_next: Array, curvature: Array) -> tuple[Ar
 def _rates(x: Any, command: Any, car: Any, out: Any) -> None:
     """Writes the rates; car: the path's curvature [1/m], constants, effects."""
     curvature, p, q = car
-    memory = Memory(*fixed_tuple(x[6:], MEMORIES))
-    m, d = motion_with_effects(x[0], x[1], x[2], x[3], 0.0, memory, command[0], command[1], p, q)
+    internal = InternalStates(*fixed_tuple(x[6:], INTERNAL_COUNT))
+    m, d = motion_with_effects(x[0], x[1], x[2], x[3], 0.0, internal, command[0], command[1], p, q)
     e_dot, dphi_dot, _ = path_rates(x[0], x[1], m.beta_dot, x[4], x[5], curvature)
     out[0], out[1], out[2], out[3], out[4], out[5] = m.r_dot, m.v_dot, m.beta_dot, m.omega_r_dot, e_dot, dphi_dot
     for i, rate in enumerate(d):

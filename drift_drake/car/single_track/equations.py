@@ -1,17 +1,21 @@
-"""The single-track car's equations for `car.equations`: internal states are those of `Memory` but for the commands'."""
+"""The single-track car's equations for `car.equations`: internal states are `InternalStates` without the commands'."""
 
 from collections.abc import Mapping
 from typing import Any
 
 from drift_drake.car.deviation import Deviation
 from drift_drake.car.effects.catalogue import CATALOGUE, PARAMETRIC
-from drift_drake.car.effects.magnitudes import MEMORIES, Effects, Memory
+from drift_drake.car.effects.magnitudes import INTERNAL_COUNT, Effects, InternalStates
 from drift_drake.car.parameters import Constants
 from drift_drake.car.scalar import fixed_tuple, jitable
 from drift_drake.car.single_track.motion import MIN_SLIP_SPEED
-from drift_drake.car.single_track.motion_with_effects import changed_constants, motion_with_effects, settled_memory
+from drift_drake.car.single_track.motion_with_effects import (
+    changed_constants,
+    motion_with_effects,
+    settled_internal_states,
+)
 
-HELD = MEMORIES - 2  # of `Memory`: all but the commands', which are known
+HELD = INTERNAL_COUNT - 2  # of `InternalStates`: all but the commands', which are known
 SIZE = 5 + HELD
 STEPPED = False  # internal states are slow, or few: half an implicit step a row follows them (`decays`)
 LACKS: tuple[str, ...] = ()  # effects that mean nothing on this car
@@ -27,7 +31,7 @@ def deviated(constants: Constants, by: Mapping[str, float], effects: Effects) ->
 @jitable
 def settle(z: Any, delta: Any, torque: Any, constants: Any, effects: Any) -> None:
     """Writes the internal states of a car that has long driven so."""
-    settled = settled_memory(z[0], z[1], z[2], z[3], delta, torque, constants, effects, z[4])
+    settled = settled_internal_states(z[0], z[1], z[2], z[3], delta, torque, constants, effects, z[4])
     for i, state in enumerate(settled[2:]):
         z[5 + i] = state
 
@@ -37,8 +41,8 @@ def rates(z: Any, command: Any, car: Any, out: Any) -> None:
     """Writes the states' rates."""
     constants, effects, push = car
     zero = 0.0 * z[0]
-    memory = Memory(*((zero, zero) + fixed_tuple(z[5:], HELD)))  # noqa: RUF005 (for numba)
-    motion, further = motion_with_effects(z[0], z[1], z[2], z[3], z[4], memory, command[0] + zero, command[1] + zero,
+    internal = InternalStates(*((zero, zero) + fixed_tuple(z[5:], HELD)))  # noqa: RUF005 (for numba)
+    motion, further = motion_with_effects(z[0], z[1], z[2], z[3], z[4], internal, command[0] + zero, command[1] + zero,
                                           constants, effects, push[0], push[1], push[2])  # fmt: skip
     out[0], out[1], out[2], out[3], out[4] = motion.r_dot, motion.v_dot, motion.beta_dot, motion.omega_r_dot, z[0]
     for i, rate in enumerate(further[2:]):

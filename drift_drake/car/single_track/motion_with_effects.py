@@ -1,18 +1,19 @@
 """The single-track car with the effects of the catalogue.
 
 All effects on the motion live in one function, `motion_with_effects`, in which a magnitude of zero switches an effect
-off; with all at zero it is `motion.motion`. Effects with memory (lags, relaxation, heat, filtered load transfer) own
-the states of `Memory`. Transport delays act on the commands before they enter here (`car.effects.delays`).
+off; with all at zero it is `motion.motion`. Effects with internal states (lags, relaxation, heat, filtered load
+transfer) own those of `InternalStates`. Transport delays act on the commands before they enter here
+(`car.effects.delays`).
 """
 
 from typing import Any
 
 from drift_drake.car.effects.magnitudes import (
     Effects,
-    Memory,
+    InternalStates,
     actuation_of,
-    memory_rates,
-    memory_starts,
+    internal_rates,
+    internal_starts,
     with_forces,
 )
 from drift_drake.car.parameters import Constants
@@ -107,43 +108,44 @@ def axle_friction(omega_r: Any, q: Effects) -> Any:
 
 
 @jitable
-def motion_with_effects(r: Any, v: Any, beta: Any, omega_r: Any, psi: Any, memory: Memory, delta: Any, tau: Any,
-                        nominal: Constants, q: Effects, force_x: Any = 0.0, force_y: Any = 0.0, moment: Any = 0.0,
-                        ) -> tuple[Motion, Memory]:  # fmt: skip
+def motion_with_effects(r: Any, v: Any, beta: Any, omega_r: Any, psi: Any, internal: InternalStates, delta: Any,
+                        tau: Any, nominal: Constants, q: Effects, force_x: Any = 0.0, force_y: Any = 0.0,
+                        moment: Any = 0.0,
+                        ) -> tuple[Motion, InternalStates]:  # fmt: skip
     """Motion of the car with effects, and the rates of the effects' own states.
 
     Args:
         r, v, beta, omega_r: as in `bicycle`; psi: heading [rad] (only a road's grade depends on it).
-        memory: the effects' states; delta, tau: commands, after any transport delay [rad], [N m].
+        internal: the effects' states; delta, tau: commands, after any transport delay [rad], [N m].
         nominal: the car without effects; q: magnitudes.
         force_x, force_y, moment: optional further force [N] and moment [N m] on the body.
     """
     p = changed_constants(nominal, q)
     delta = road_wheel(delta, q)
     lagged_steering = q.steering_lag + q.steering_rate_limit
-    own_angle = select(0.0, lagged_steering, memory.steering, delta) + q.steering_offset
-    own_torque = select(0.0, q.torque_lag, memory.torque, tau)
-    wheel_angle, torque = actuation_of(own_angle, own_torque, v, q, memory)
+    own_angle = select(0.0, lagged_steering, internal.steering, delta) + q.steering_offset
+    own_torque = select(0.0, q.torque_lag, internal.torque, tau)
+    wheel_angle, torque = actuation_of(own_angle, own_torque, v, q, internal)
 
-    (f_zf, f_zr), along = shifted_loads(memory.a_x, p, q), 1.0 + q.longitudinal_stiffness_error
+    (f_zf, f_zr), along = shifted_loads(internal.a_x, p, q), 1.0 + q.longitudinal_stiffness_error
     v_x, v_y = front_contact_velocity(r, v, beta, wheel_angle, p.front_axle_distance)
     u_x, rear_v_y = v * cos(beta), v * sin(beta) - p.rear_axle_distance * r
     sigma_xf, kinematic_front = front_slip(v_x, v_y, omega_r, p.front_coupling)
     sigma_x, kinematic_rear = rear_slip(r, v, beta, omega_r, p.rear_axle_distance)
-    sigma_front = select(0.0, q.tyre_relaxation, memory.front_slip, kinematic_front)
-    sigma_rear = select(0.0, q.tyre_relaxation, memory.rear_slip, kinematic_rear)
+    sigma_front = select(0.0, q.tyre_relaxation, internal.front_slip, kinematic_front)
+    sigma_rear = select(0.0, q.tyre_relaxation, internal.rear_slip, kinematic_rear)
     front_sliding = norm2(p.front_coupling * (omega_r - v_x), v_y)
     rear_sliding = norm2(omega_r - u_x, rear_v_y)
 
     mu_front = p.friction * (1.0 + q.front_rear_friction_split)
     mu_rear = p.friction * (1.0 - q.front_rear_friction_split)
-    mu_front = tyre_friction(mu_front, front_sliding, memory.front_heat, memory.a_y, p, q)
-    mu_rear = tyre_friction(mu_rear, rear_sliding, memory.rear_heat, memory.a_y, p, q)
+    mu_front = tyre_friction(mu_front, front_sliding, internal.front_heat, internal.a_y, p, q)
+    mu_rear = tyre_friction(mu_rear, rear_sliding, internal.rear_heat, internal.a_y, p, q)
     f_xf, f_yf = tyre_force(along * sigma_xf, sigma_front, p.front_stiffness, mu_front * f_zf, p.tyre)
     f_xr, f_yr = tyre_force(along * sigma_x, sigma_rear, p.rear_stiffness, mu_rear * f_zr, p.tyre)
 
     f_x, f_y, m_z = body_wrench(wheel_angle, f_xf, f_yf, f_xr, f_yr, p.front_axle_distance, p.rear_axle_distance)
-    f_x, f_y, m_z = with_forces(r, v, beta, omega_r, psi, p, q, memory, (f_x, f_y, m_z))
+    f_x, f_y, m_z = with_forces(r, v, beta, omega_r, psi, p, q, internal, (f_x, f_y, m_z))
     f_x, f_y, m_z = f_x + force_x, f_y + force_y, m_z + moment
 
     a_x, a_y = f_x / p.mass, f_y / p.mass
@@ -152,33 +154,33 @@ def motion_with_effects(r: Any, v: Any, beta: Any, omega_r: Any, psi: Any, memor
     omega_r_dot = wheel_acceleration(axle_torque, f_xr + f_xf, p.wheel_radius, p.rear_axle_inertia)
 
     rates = (
-        select(0.0, lagged_steering, steering_rate(memory.steering, delta, q), 0.0 * delta),
-        select(0.0, q.torque_lag, (tau - memory.torque) / maximum(q.torque_lag, 1e-3), 0.0 * tau),
-        relaxation_rate(v_x, memory.front_slip, kinematic_front, q),
-        relaxation_rate(u_x, memory.rear_slip, kinematic_rear, q),
-        norm2(f_xf, f_yf) * front_sliding / HEAT_UNIT - memory.front_heat / COOLING_TIME,
-        norm2(f_xr, f_yr) * rear_sliding / HEAT_UNIT - memory.rear_heat / COOLING_TIME,
-        (a_x - memory.a_x) / LOAD_FILTER_TIME,
-        (a_y - memory.a_y) / LOAD_FILTER_TIME,
+        select(0.0, lagged_steering, steering_rate(internal.steering, delta, q), 0.0 * delta),
+        select(0.0, q.torque_lag, (tau - internal.torque) / maximum(q.torque_lag, 1e-3), 0.0 * tau),
+        relaxation_rate(v_x, internal.front_slip, kinematic_front, q),
+        relaxation_rate(u_x, internal.rear_slip, kinematic_rear, q),
+        norm2(f_xf, f_yf) * front_sliding / HEAT_UNIT - internal.front_heat / COOLING_TIME,
+        norm2(f_xr, f_yr) * rear_sliding / HEAT_UNIT - internal.rear_heat / COOLING_TIME,
+        (a_x - internal.a_x) / LOAD_FILTER_TIME,
+        (a_y - internal.a_y) / LOAD_FILTER_TIME,
     )
-    further = memory_rates(r, v, beta, omega_r, own_angle, own_torque, p, q, memory)
-    return Motion(m_z / p.yaw_inertia, v_dot, beta_dot, omega_r_dot, a_x, a_y), Memory(*(rates + further))
+    further = internal_rates(r, v, beta, omega_r, own_angle, own_torque, p, q, internal)
+    return Motion(m_z / p.yaw_inertia, v_dot, beta_dot, omega_r_dot, a_x, a_y), InternalStates(*(rates + further))
 
 
 @jitable
-def settled_memory(
+def settled_internal_states(
     r: Any, v: Any, beta: Any, omega_r: Any, delta: Any, tau: Any, nominal: Constants, q: Effects, psi: Any = 0.0
-) -> Memory:
-    """Memory of a car that has been in this state for long, its tyres cold: where a run starts."""
+) -> InternalStates:
+    """InternalStates of a car that has been in this state for long, its tyres cold: where a run starts."""
     p = changed_constants(nominal, q)
     zero, steering = 0.0 * v, road_wheel(delta, q)
-    starts = memory_starts(r, v, beta, omega_r, steering + q.steering_offset, tau, p, q)
-    unmoved = Memory(*((zero, zero, zero, zero, zero, zero, zero, zero) + starts))  # noqa: RUF005 (for numba)
+    starts = internal_starts(r, v, beta, omega_r, steering + q.steering_offset, tau, p, q)
+    unmoved = InternalStates(*((zero, zero, zero, zero, zero, zero, zero, zero) + starts))  # noqa: RUF005 (for numba)
     angle, _ = actuation_of(steering + q.steering_offset, tau, v, q, unmoved)
     v_x, v_y = front_contact_velocity(r, v, beta, angle, p.front_axle_distance)
     _, sigma_rear = rear_slip(r, v, beta, omega_r, p.rear_axle_distance)
     _, sigma_front = front_slip(v_x, v_y, omega_r, p.front_coupling)
     settled = (steering + zero, tau + zero, sigma_front + zero, sigma_rear + zero, zero, zero)
-    memory = Memory(*(settled + (zero, zero) + starts))  # noqa: RUF005 (for numba)
-    motion, _ = motion_with_effects(r, v, beta, omega_r, psi, memory, delta, tau, nominal, q)
-    return Memory(*(settled + (motion.a_x, motion.a_y) + starts))  # noqa: RUF005 (for numba)
+    internal = InternalStates(*(settled + (zero, zero) + starts))  # noqa: RUF005 (for numba)
+    motion, _ = motion_with_effects(r, v, beta, omega_r, psi, internal, delta, tau, nominal, q)
+    return InternalStates(*(settled + (motion.a_x, motion.a_y) + starts))  # noqa: RUF005 (for numba)

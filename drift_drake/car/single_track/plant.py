@@ -8,24 +8,24 @@ from pydrake.common.containers import namedview
 
 from drift_drake.car.compilation import compiled
 from drift_drake.car.effects.catalogue import OFF_THE_MOTION
-from drift_drake.car.effects.magnitudes import COUNT, MEMORIES, Effects, Memory
+from drift_drake.car.effects.magnitudes import COUNT, INTERNAL_COUNT, Effects, InternalStates
 from drift_drake.car.parameters import Constants, VehicleParameters
 from drift_drake.car.scalar import fixed_tuple, jitable
 from drift_drake.car.single_track.motion import motion
-from drift_drake.car.single_track.motion_with_effects import motion_with_effects, settled_memory
+from drift_drake.car.single_track.motion_with_effects import motion_with_effects, settled_internal_states
 from drift_drake.car.single_track.path_plant import PLANT_STATES, CurvedPath, PathPlant, kinematic_rates, plant_template
 from drift_drake.common.arrays import Array
 
-PLANT_STATES_WITH_MEMORY = (*PLANT_STATES, *Memory._fields)
+PLANT_STATES_WITH_INTERNAL = (*PLANT_STATES, *InternalStates._fields)
 
 CONSTANTS = len(Constants._fields)
 
 PlantStateView = namedview("PlantStateView", PLANT_STATES)
-PlantStateWithMemoryView = namedview("PlantStateWithMemoryView", PLANT_STATES_WITH_MEMORY)
+PlantStateWithInternalView = namedview("PlantStateWithInternalView", PLANT_STATES_WITH_INTERNAL)
 
 
 def acts_on_motion(effects: Effects) -> bool:
-    """Whether any effect changes the equations of motion, so that the plant needs the states of `Memory`."""
+    """Whether any effect changes the equations of motion, so that the plant needs the states of `InternalStates`."""
     return any(value != 0.0 for name, value in effects._asdict().items() if name not in OFF_THE_MOTION)
 
 
@@ -41,10 +41,10 @@ def nominal_rates(x: Any, u: Any, wrench: Any, curvature: Any, p: Constants) -> 
 
 @jitable
 def changed_rates(x: Any, u: Any, wrench: Any, curvature: Any, p: Constants, q: Effects) -> tuple[Any, ...]:
-    """The same of `PLANT_STATES_WITH_MEMORY` with effects."""
-    memory = Memory(*fixed_tuple(x[10:], MEMORIES))
+    """The same of `PLANT_STATES_WITH_INTERNAL` with effects."""
+    internal = InternalStates(*fixed_tuple(x[10:], INTERNAL_COUNT))
     m, own = motion_with_effects(
-        x[0], x[1], x[2], x[3], x[9], memory, u[0], u[1], p, q, wrench[0], wrench[1], wrench[2]
+        x[0], x[1], x[2], x[3], x[9], internal, u[0], u[1], p, q, wrench[0], wrench[1], wrench[2]
     )
     rates = (m.r_dot, m.v_dot, m.beta_dot, m.omega_r_dot, *kinematic_rates(x, m.beta_dot, curvature))
     return (*rates, *own[:], m.a_x, m.a_y)  # a slice is a plain tuple, which numba can add
@@ -68,7 +68,7 @@ class SingleTrackPlant(PathPlant):
 
     Continuous state: r [rad/s], v [m/s], beta [rad], omega_r [m/s], e [m], dphi [rad] (the paper's six, measured
     from the path), s [m] along the path, x, y [m], psi [rad] in the fixed frame; behind them, only when an effect
-    acts on the motion, the states of `effects.Memory` (the effects' own). `state_view` names them.
+    acts on the motion, the states of `effects.InternalStates` (the effects' own). `state_view` names them.
 
     Numeric parameters of the Context, so that one plant serves many cars and AutoDiffXd differentiates by them:
     0: `Constants`; 1: the magnitudes of `Effects`. Their defaults are the constructor's. The plant acts on
@@ -94,14 +94,14 @@ class SingleTrackPlant(PathPlant):
 
     parameters: VehicleParameters
     effects: Effects
-    has_memory: bool
+    has_internal_states: bool
 
     def declare(self: Any, parameters: VehicleParameters, effects: Effects, path: CurvedPath | None, T: Any) -> None:
         """Declares parameters, state and ports on numbers of the type T."""
         self.parameters, self.effects = parameters, effects
-        self.has_memory = acts_on_motion(effects)
-        self.state_names = PLANT_STATES_WITH_MEMORY if self.has_memory else PLANT_STATES
-        self.state_view = PlantStateWithMemoryView if self.has_memory else PlantStateView
+        self.has_internal_states = acts_on_motion(effects)
+        self.state_names = PLANT_STATES_WITH_INTERNAL if self.has_internal_states else PLANT_STATES
+        self.state_view = PlantStateWithInternalView if self.has_internal_states else PlantStateView
         self.declare_numbers(T, (parameters.constants(), effects), path)
 
     def car(self, constants: Any, magnitudes: Any) -> tuple[Constants, Effects]:
@@ -110,17 +110,17 @@ class SingleTrackPlant(PathPlant):
 
     def settled(self, placed: Sequence[float], delta: float, tau: float, p: Constants, q: Effects) -> Sequence[float]:
         """The effects' own states of a car that has been as it is for long."""
-        return settled_memory(*placed[:4], delta, tau, p, q, psi=placed[9]) if self.has_memory else ()
+        return settled_internal_states(*placed[:4], delta, tau, p, q, psi=placed[9]) if self.has_internal_states else ()
 
     def rates(self, x: Any, u: Any, wrench: Any, curvature: Any, p: Constants, q: Effects) -> Sequence[Any]:
         """Rates of the state, and behind them (a_x, a_y) [m/s^2] in the body frame."""
-        if self.has_memory:
+        if self.has_internal_states:
             return changed_rates(x, u, wrench, curvature, p, q)
         return nominal_rates(x, u, wrench, curvature, p)
 
     def compiled_rates(self, x: Array, u: Array, wrench: Array, curvature: float, p: Array, q: Array) -> Array:
         """The same on floats, from the Context's numbers."""
-        if self.has_memory:
+        if self.has_internal_states:
             return _changed_rates(x, u, wrench, curvature, p, q)
         return _nominal_rates(x, u, wrench, curvature, p)
 

@@ -99,8 +99,8 @@ def plan_rest(
     if not usable(found, config.only_converged):
         return plan
     states, inputs, _ = problem.unstack(found.z)
-    told = information_cost(model, belief, config.objective, alpha).information(states[:-1], inputs[:-1], inputs[1:])
-    return Trajectory(states, inputs, found.cost, told, found.status)
+    gained = information_cost(model, belief, config.objective, alpha).information(states[:-1], inputs[:-1], inputs[1:])
+    return Trajectory(states, inputs, found.cost, gained, found.status)
 
 
 class Replanner:
@@ -146,8 +146,11 @@ class Replanner:
         x, u = samples.x_next[-1], samples.u_next[-1]
         alpha = self._weight(belief) if rest.lane == "track" else self._alpha
         self._plan, self._from = plan_rest(self._model, belief, left, rest, alpha, x, u, start), step
-        promised, told = information_expected(self._model, belief, self._plan), information_gained(self._before, belief)
-        if self._first.alpha > 0.0 and promised < self._config.stop_below * told:
+        promised, gained = (
+            information_expected(self._model, belief, self._plan),
+            information_gained(self._before, belief),
+        )
+        if self._first.alpha > 0.0 and promised < self._config.stop_below * gained:
             return "enough"
         states, inputs = self._plan.x[:, :6], self._plan.u
         curvature = curvature_along(rest, states, start)

@@ -272,13 +272,13 @@ class NarrowingCost(InformationCost):
 
     def by_features(self, at: FeatureExpansion) -> ByFeatures:
         left, spread = self._left(at.phi)
-        told = left @ self.wanted(spread) @ left  # B
+        weighted = left @ self.wanted(spread) @ left  # B
         rows, seen = rows_and_products(left, at.phi)
-        told_rows, told_seen = rows_and_products(told, at.phi)
-        ends, told_ends = met(at.tangents, rows), met(at.tangents, told_rows)
-        second = bent(at.tangents, (np.eye(STATE_COUNT) - seen, told), (-told_seen, left))
-        across = crossed(ends, told_ends)
-        return ByFeatures(own_blocks(told_rows), second - across - across.swapaxes(1, 2))
+        weighted_rows, weighted_seen = rows_and_products(weighted, at.phi)
+        ends, weighted_ends = met(at.tangents, rows), met(at.tangents, weighted_rows)
+        second = bent(at.tangents, (np.eye(STATE_COUNT) - seen, weighted), (-weighted_seen, left))
+        across = crossed(ends, weighted_ends)
+        return ByFeatures(own_blocks(weighted_rows), second - across - across.swapaxes(1, 2))
 
 
 class PredictiveInformation(NarrowingCost):

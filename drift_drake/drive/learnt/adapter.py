@@ -89,7 +89,7 @@ class BayesianAdapter(LeafSystem):
             what theta says, in a running mean of the samples taken over `offset_time`. It holds what the features and
             their prior leave over, such as a resistance that no vehicle of the training had (offset-free predictive
             control: Pannocchia and Rawlings 2003). Zero without `offset_time`.
-        memory [2]: the commands behind these lags.
+        internal_states [2]: the commands behind these lags.
         counters [2]: samples (taken, refused).
 
     Parameters in the Context: `frozen` (no updates while above 0.5) and `threshold` (Mahalanobis distance beyond which
@@ -132,7 +132,7 @@ class BayesianAdapter(LeafSystem):
             ("posterior_mean", MEAN_COUNT, lambda context: self.posterior(context).mean.ravel(), ()),
             ("posterior_covariance", COVARIANCE_COUNT, lambda context: self.posterior(context).covariance.ravel(), ()),
             ("parameters", PARAMETER_COUNT, self._parameters, ()),
-            ("memory", 2, self._memory, (self._lagged.ticket(),)),
+            ("internal_states", 2, self._internal, (self._lagged.ticket(),)),
         ):
             self.DeclareVectorOutputPort(
                 name, size, lambda context, output, calc=calc: output.SetFromVector(calc(context)),
@@ -145,7 +145,7 @@ class BayesianAdapter(LeafSystem):
         offset, lag = context.get_discrete_state(self._offset).value(), self.lags[self.believed(context)]
         return np.concatenate([self.posterior(context).mean.ravel(), offset, lag])
 
-    def _memory(self, context: Context) -> Array:
+    def _internal(self, context: Context) -> Array:
         return self._lagged.Eval(context).reshape(-1, 2)[self.believed(context)]
 
     def _tick(self, context: Context, discrete: DiscreteValues) -> None:

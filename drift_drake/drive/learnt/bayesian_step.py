@@ -67,7 +67,7 @@ def regression_points(model: BayesianModel, x: Array, u: Array, u_next: Array, x
         x, x_next: states and lagged commands at both ends of a step [..., 8]; u, u_next: commands there [..., 2].
     """
     z = network_inputs(x, u, u_next)
-    given = model.network.told(z)[..., STATE_COUNT : STATE_COUNT + 2]
+    given = model.network.as_typical(z)[..., STATE_COUNT : STATE_COUNT + 2]
     return features(model.network, z), residual(x, given, x_next, model.vehicle.constants())
 
 
@@ -85,7 +85,7 @@ class BayesianStepModel(StepModel):
     for the features at the same points may share its `expansions`.
     """
 
-    memory_scale: Array = np.array([0.3, 100.0])  # of the lagged commands
+    internal_scale: Array = np.array([0.3, 100.0])  # of the lagged commands
 
     def __init__(
         self,
@@ -193,7 +193,7 @@ class BayesianStepModel(StepModel):
         g, by_z = mean.linearize(at.z)
         bent, by_g = np.empty((len(x), 12, 12)), np.empty((len(x), STATE_COUNT))
         curved_steps(_points(x, u, u_next, curvature), g + self._offset, by_z, np.ascontiguousarray(weights),
-                     self._nominal, self._lag, self._trapezoid, CURVATURE_STEP * block_scale(self.memory_scale), bent,
+                     self._nominal, self._lag, self._trapezoid, CURVATURE_STEP * block_scale(self.internal_scale), bent,
                      by_g)  # fmt: skip
         return at, bent, by_g[:, :, None] * mean.theta
 

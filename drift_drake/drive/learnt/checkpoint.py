@@ -67,7 +67,7 @@ class BayesianModel:
         """The model of a car with another pair of lags of steering and torque [s] (`command_lag`)."""
         network, drifts = self.network._replace(lag=(float(lag[0]), float(lag[1]))), self.drifts
         if drifts is not None:
-            drifts = self.network.told(drifts)
+            drifts = self.network.as_typical(drifts)
             if network.typical is not None:
                 drifts = np.asarray(np.linalg.solve(network.typical, drifts.T).T, dtype=float)
         return dataclasses.replace(self, network=network, drifts=drifts)

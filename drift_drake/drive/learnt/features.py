@@ -56,7 +56,7 @@ class Network(NamedTuple):
         """A typical car's z of this one's, as a matrix [10, 10] (`command_lag`); None if its lags are typical."""
         return None if self.lag == TYPICAL else _as_of_typical_car(self.lag)
 
-    def told(self, z: Array) -> Array:
+    def as_typical(self, z: Array) -> Array:
         """z [..., 10] as it would be of a typical car."""
         typical = self.typical
         return z if typical is None else z @ typical.T
@@ -115,7 +115,7 @@ def output_rows(network: Network) -> Array:
 
 def features(network: Network, z: Array) -> Array:
     """phi [..., 4, 16] at z [..., 10]."""
-    return feature_outputs(network, hidden_layers(network, all_inputs(network.told(z), network.nominal))[1])
+    return feature_outputs(network, hidden_layers(network, all_inputs(network.as_typical(z), network.nominal))[1])
 
 
 class MeanFunction:
@@ -171,12 +171,12 @@ class MeanFunction:
 
     def value(self, z: Array) -> Array:
         """g [n, 4] at z [n, 10]."""
-        h2 = self._forward(all_inputs(self.network.told(z), self.network.nominal))[1]
+        h2 = self._forward(all_inputs(self.network.as_typical(z), self.network.nominal))[1]
         return h2 @ self._w3.T + self._b3
 
     def linearize(self, z: Array) -> tuple[Array, Array]:
         """g [n, 4] and d g / dz [n, 4, 10] at z [n, 10], by reverse mode."""
-        inputs, by_physics = inputs_and_jacobian(self.network.told(z), self.network.nominal)
+        inputs, by_physics = inputs_and_jacobian(self.network.as_typical(z), self.network.nominal)
         h1, h2, g2, g1 = self._forward(inputs)
         _through_tanh(h2, self._w3[:, None], g2)
         np.matmul(g2.reshape(-1, HIDDEN_COUNT), self._w2_t, out=g1.reshape(-1, HIDDEN_COUNT))
@@ -226,8 +226,8 @@ class FeatureExpansion:
     """
 
     def __init__(self, network: Network, z: Array) -> None:
-        self._told = network.told(z)
-        inputs, self._by_physics = inputs_and_jacobian(self._told, network.nominal)
+        self._typical = network.as_typical(z)
+        inputs, self._by_physics = inputs_and_jacobian(self._typical, network.nominal)
         self._network, self.z = network, z
         self._h1, self._h2 = hidden_layers(network, inputs)
         self.phi = feature_outputs(network, self._h2)
@@ -260,7 +260,7 @@ class FeatureExpansion:
         found = _bent(second, -2.0 * self._h2 * by_h2) + _bent(first, -2.0 * self._h1 * by_h1)
         if network.nominal is not None:
             by_inputs = by_h1 @ network.w1.T / network.input_scale
-            bent = physical_curvature(self._told, by_inputs[:, INPUT_COUNT:], network.nominal)
+            bent = physical_curvature(self._typical, by_inputs[:, INPUT_COUNT:], network.nominal)
             found += bent if network.typical is None else network.typical.T @ bent @ network.typical
         return found
 

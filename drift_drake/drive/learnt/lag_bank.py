@@ -30,10 +30,10 @@ def log_evidence(before: Posterior, after: Posterior, sigma: Array, y: Array, we
 
     A sample that counts with a weight w [4] enters by the w-th power of its density, as it does in the posterior.
     """
-    told = np.sum(weight * (y / sigma) ** 2)
+    squares = np.sum(weight * (y / sigma) ** 2)
     quadratic = [np.sum(belief.q * belief.mean / sigma[:, None]) for belief in (before, after)]
     volume = [np.linalg.slogdet(belief.covariance)[1] for belief in (before, after)]
-    return float(0.5 * (volume[1] - volume[0] - told - quadratic[0] + quadratic[1]))
+    return float(0.5 * (volume[1] - volume[0] - squares - quadratic[0] + quadratic[1]))
 
 
 class UnderLags(NamedTuple):

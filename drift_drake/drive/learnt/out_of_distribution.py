@@ -78,7 +78,7 @@ class OutOfDistributionDetector(LeafSystem):
     At a tick, the step that ended is judged by the belief that was held during it; a step at whose ends other lags are
     believed is not judged.
 
-    Input ports: measured_state [7]; command [2]; the adapter's lagged_command [2] (its memory), parameters [70] and
+    Input ports: measured_state [7]; command [2]; of the adapter lagged_command [2], parameters [70] and
     posterior_covariance [4096].
 
     Output ports: distance [1], d^2 of the last sample; statistic [1], NaN until the window is full; alarm [1], 1 while

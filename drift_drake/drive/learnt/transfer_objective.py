@@ -140,9 +140,9 @@ def predictive_nll(
     error = (y.permute(0, 2, 1) - torch.einsum("bitf,if->bit", phi, parameters["prior_mean"])) / sigma
     count = len(phi)
     own = torch.diag_embed((weight[..., None] * phi.transpose(-1, -2) @ phi).permute(0, 2, 3, 1))  # [b, 16, 16, 4, 4]
-    told = own.permute(0, 3, 1, 4, 2).reshape(count, MEAN_COUNT, MEAN_COUNT)
+    observed = own.permute(0, 3, 1, 4, 2).reshape(count, MEAN_COUNT, MEAN_COUNT)
     # `cholesky` itself would wait for a GPU, to look whether it failed.
-    factor, failed = torch.linalg.cholesky_ex(coupled_precision(parameters) + told)
+    factor, failed = torch.linalg.cholesky_ex(coupled_precision(parameters) + observed)
     factor = factor.masked_fill((failed > 0)[:, None, None], torch.nan)
     projected = (weight * torch.einsum("bitf,bit->bif", phi, error)).reshape(count, MEAN_COUNT, 1)
     shift = torch.cholesky_solve(projected, factor).reshape(count, STATE_COUNT, FEATURE_COUNT)

@@ -106,9 +106,9 @@ def _coupled_terms(prior: torch.Tensor, phi: torch.Tensor, error: torch.Tensor) 
     Args:
         phi: [w, 4, T, 16]; error: over sigma [w, 4, T].
     """
-    told = torch.diag_embed((phi.transpose(-1, -2) @ phi).permute(0, 2, 3, 1)).permute(0, 3, 1, 4, 2)
+    observed = torch.diag_embed((phi.transpose(-1, -2) @ phi).permute(0, 2, 3, 1)).permute(0, 3, 1, 4, 2)
     b = torch.einsum("witf,wit->wif", phi, error).reshape(len(phi), -1, 1)
-    terms: torch.Tensor = _LogDetLessSquare.apply(prior + told.reshape(len(phi), *prior.shape), b)
+    terms: torch.Tensor = _LogDetLessSquare.apply(prior + observed.reshape(len(phi), *prior.shape), b)
     return terms - torch.logdet(prior)
 
 

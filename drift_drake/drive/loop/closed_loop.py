@@ -242,7 +242,7 @@ class ClosedLoop:
                 that the plant cannot make.
         """
         if change is not None:
-            check_change(change, self.parameters, self.effects, self.car.plant.has_memory)
+            check_change(change, self.parameters, self.effects, self.car.plant.has_internal_states)
         if isinstance(self.controller, MpcController):
             self.controller.warm_up()
         plant, reference = self.car.plant, self.reference

@@ -120,16 +120,16 @@ class Change(NamedTuple):
     effects: Effects  # from then on; those outside the plant (delays, sensors' errors) stay as they are
 
 
-def check_change(change: Change, parameters: VehicleParameters, before: Effects, has_memory: bool) -> None:
+def check_change(change: Change, parameters: VehicleParameters, before: Effects, has_internal_states: bool) -> None:
     """Sees that a plant can make a change.
 
     Args:
-        before: the effects that the car was built with; has_memory: whether its plant has the effects' states.
+        before: the effects that the car was built with; has_internal_states: whether its plant has the effects' states.
 
     Raises:
         ValueError: the car was built without effects, or the change is none that it can make.
     """
-    if not has_memory:
+    if not has_internal_states:
         raise ValueError("a car built without effects cannot change; build it with those that it begins with")
     if not 0.0 <= change.time < math.inf:
         raise InvalidOptionError(f"the change at {change.time:g} s: give a time of 0 s or more")

@@ -99,13 +99,13 @@ class Learners(NamedTuple):
         for name, port in ports.items():
             if port is not None and observer.HasInputPort(name):
                 builder.Connect(port, observer.GetInputPort(name))
-        memory = observer.get_output_port()
+        internal = observer.get_output_port()
         if self.adapter is not None:
-            builder.Connect(memory, self.adapter.GetInputPort("lagged_command"))
-            memory = self.adapter.GetOutputPort("memory")
-        builder.Connect(memory, controller.GetInputPort("memory"))
+            builder.Connect(internal, self.adapter.GetInputPort("lagged_command"))
+            internal = self.adapter.GetOutputPort("internal_states")
+        builder.Connect(internal, controller.GetInputPort("internal_states"))
         if self.detector is not None:
-            builder.Connect(memory, self.detector.GetInputPort("lagged_command"))
+            builder.Connect(internal, self.detector.GetInputPort("lagged_command"))
 
 
 def check_planner(learners: Learners, controller: Controller | System | None) -> None:

@@ -19,9 +19,11 @@ POPULATIONS: tuple[Population, ...] = ("train", "validation", "held_out", "wide"
 
 
 TRAINING: dict[str, Distribution] = {name: effect.drawn for name, effect in CATALOGUE.items() if effect.drawn}
-_UNSEEN = {name: effect.drawn_wide for name, effect in CATALOGUE.items() if effect.drawn_wide}
+_UNSEEN = {
+    name: effect.drawn_out_of_distribution for name, effect in CATALOGUE.items() if effect.drawn_out_of_distribution
+}
 
-WIDENING = 1.5  # of every distribution's spread about its mean
+STRETCHED = 1.5  # of every distribution's spread about its mean
 
 EXTREME: tuple[dict[str, float], ...] = (
     {"friction_level": -0.35},
@@ -31,13 +33,15 @@ EXTREME: tuple[dict[str, float], ...] = (
 )
 
 
-def _widened(name: str, d: Distribution) -> Distribution:
+def _out_of_distribution(name: str, d: Distribution) -> Distribution:
     info = CATALOGUE[name]
-    low, high = d.mean - WIDENING * (d.mean - d.low), d.mean + WIDENING * (d.high - d.mean)
-    return Distribution(d.mean, WIDENING * d.deviation, max(low, info.low), min(high, info.high))
+    low, high = d.mean - STRETCHED * (d.mean - d.low), d.mean + STRETCHED * (d.high - d.mean)
+    return Distribution(d.mean, STRETCHED * d.deviation, max(low, info.low), min(high, info.high))
 
 
-WIDE: dict[str, Distribution] = {name: _widened(name, d) for name, d in TRAINING.items()} | _UNSEEN
+OUT_OF_DISTRIBUTION: dict[str, Distribution] = {
+    name: _out_of_distribution(name, d) for name, d in TRAINING.items()
+} | _UNSEEN
 
 
 def draw_effects(population: Population, index: int, seed: int) -> Effects:
@@ -50,7 +54,7 @@ def draw_effects(population: Population, index: int, seed: int) -> Effects:
     if population == "extreme":
         return make_effects(EXTREME[index % len(EXTREME)])
     generator = np.random.default_rng([seed, POPULATIONS.index(population), index])
-    distributions = WIDE if population == "wide" else TRAINING
+    distributions = OUT_OF_DISTRIBUTION if population == "wide" else TRAINING
     return make_effects({name: _draw(d, generator) for name, d in distributions.items()})
 
 

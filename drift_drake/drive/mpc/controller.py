@@ -14,7 +14,7 @@ from drift_drake.common.arrays import Array
 from drift_drake.common.errors import DriftDrakeError
 from drift_drake.common.updates import declare_update
 from drift_drake.drive.learnt.features import COVARIANCE_COUNT, MEAN_COUNT
-from drift_drake.drive.mpc.mpc import Mpc, MpcSolution, NoPlanError, PlanBeside, SolveStatistics
+from drift_drake.drive.mpc.mpc import AlternativePlan, Mpc, MpcSolution, NoPlanError, SolveStatistics
 from drift_drake.drive.mpc.plan import DT, Plan, no_plan
 
 # Numbers far off, or an error of the solver itself (Drake's assertions exit): no plan, as where none is found.
@@ -32,7 +32,7 @@ class MpcController(LeafSystem):
         measured_state: (r, v, beta, omega_r, e, dphi, s) [7].
         theta (optional): parameters of a model that has `with_theta` (a learnt one's last layer, magnitudes of
             effects); else the model as it was given.
-        memory: the model's further states, for a model that has any.
+        internal_states: the model's further states, for a model that has any.
         posterior_covariance: of the last layer [4096], with `tightening`.
 
     Output ports:
@@ -58,14 +58,14 @@ class MpcController(LeafSystem):
         self.mpc, self.period = mpc, period
         self._measured = self.DeclareVectorInputPort("measured_state", 7)
         self._theta = self.DeclareVectorInputPort("theta", theta_size) if theta_size else None
-        memory_size, horizon = mpc.model.memory_scale.size, mpc.horizon
-        self._memory = self.DeclareVectorInputPort("memory", memory_size) if memory_size else None
+        internal_size, horizon = mpc.model.internal_scale.size, mpc.horizon
+        self._internal = self.DeclareVectorInputPort("internal_states", internal_size) if internal_size else None
         asked = mpc.tightening is not None
         self._covariance = self.DeclareVectorInputPort("posterior_covariance", COVARIANCE_COUNT) if asked else None
         self._plan = self.DeclareDiscreteState(no_plan(horizon))
         self._primal = self.DeclareDiscreteState(np.full(self.mpc.problem.size, np.nan))
         self._dual = self.DeclareDiscreteState(np.zeros(self.mpc.multiplier_count))
-        self._beside = self.DeclareDiscreteState(self._none_beside())
+        self._alternative = self.DeclareDiscreteState(self._no_alternative())
         self._statistics = self.DeclareDiscreteState(np.zeros(len(SolveStatistics._fields)))
         declare_update(self, period, self._replan)
 
@@ -73,18 +73,18 @@ class MpcController(LeafSystem):
             self.DeclareStateOutputPort(name, index)
         self.DeclareVectorOutputPort(
             "prediction",
-            (6 + memory_size) * (horizon + 1),
+            (6 + internal_size) * (horizon + 1),
             self._calc_prediction,
             prerequisites_of_calc={self.discrete_state_ticket(self._primal)},
         )
 
     def warm_up(self) -> None:
         """Plans once along the reference and forgets it: what is compiled first is not the first plan's time."""
-        memory = np.zeros(self.mpc.model.memory_scale.size)
+        internal = np.zeros(self.mpc.model.internal_scale.size)
         with suppress(*FAILURES):
-            self.mpc.solve(np.append(self.mpc.reference.state(0.0), memory), 0.0, 0.0)
+            self.mpc.solve(np.append(self.mpc.reference.state(0.0), internal), 0.0, 0.0)
 
-    def _none_beside(self) -> Array:
+    def _no_alternative(self) -> Array:
         return np.full(self.mpc.problem.size + self.mpc.multiplier_count + 1, np.nan)
 
     def _calc_prediction(self, context: Context, output: Any) -> None:
@@ -95,7 +95,7 @@ class MpcController(LeafSystem):
         before = SolveStatistics(*context.get_discrete_state(self._statistics).value())
         measured = self._measured.Eval(context)
         x, s = (
-            (measured[:6] if self._memory is None else np.append(measured[:6], self._memory.Eval(context))),
+            (measured[:6] if self._internal is None else np.append(measured[:6], self._internal.Eval(context))),
             measured[6],
         )
         covariance = None if self._covariance is None else self._covariance.Eval(context).reshape(MEAN_COUNT, -1)
@@ -109,7 +109,9 @@ class MpcController(LeafSystem):
         discrete.set_value(self._plan, solution.plan.vector())
         discrete.set_value(self._primal, solution.primal)
         discrete.set_value(self._dual, solution.dual)
-        discrete.set_value(self._beside, solution.beside.vector() if solution.beside else self._none_beside())
+        discrete.set_value(
+            self._alternative, solution.alternative.vector() if solution.alternative else self._no_alternative()
+        )
         discrete.set_value(self._statistics, np.array(solution.statistics._replace(failures=before.failures)))
 
     def _believed(self, context: Context) -> StepModel:
@@ -122,11 +124,11 @@ class MpcController(LeafSystem):
         """The last solution, as the Context holds it."""
         plan = Plan.of(context.get_discrete_state(self._plan).value())
         primal, dual, both = (
-            context.get_discrete_state(index).value() for index in (self._primal, self._dual, self._beside)
+            context.get_discrete_state(index).value() for index in (self._primal, self._dual, self._alternative)
         )
         size = self.mpc.problem.size
-        beside = None if np.isnan(both[0]) else PlanBeside(both[:size], both[size:-1], float(both[-1]))
-        return plan and MpcSolution(plan, self.mpc.problem.unstack(primal).x, primal, dual, statistics, beside)
+        alternative = None if np.isnan(both[0]) else AlternativePlan(both[:size], both[size:-1], float(both[-1]))
+        return plan and MpcSolution(plan, self.mpc.problem.unstack(primal).x, primal, dual, statistics, alternative)
 
 
 class InvalidPlanError(DriftDrakeError, ValueError):

@@ -21,14 +21,14 @@ import numpy as np
 
 from drift_drake.car.effects.magnitudes import Effects, measured
 from drift_drake.car.parameters import Constants
-from drift_drake.car.single_track.effects_step import MEMORY_SCALE, EffectsStepModel
+from drift_drake.car.single_track.effects_step import INTERNAL_SCALE, EffectsStepModel
 from drift_drake.car.step_model import StepModel, block_scale
 from drift_drake.common.arrays import Array
 from drift_drake.drive.qp.stacked import DifferencedExpansion
 
 STATE_COUNT = 4  # r, v, beta, omega_r
-BODY = 6  # states of the car ahead of its memory
-MEMORY = MEMORY_SCALE.size
+BODY = 6  # states of the car ahead of its internal states
+INTERNAL = INTERNAL_SCALE.size
 REFITS = 3  # Gauss-Newton steps of the rival's fit
 
 
@@ -60,30 +60,30 @@ def gains_and_biases(sensors: Effects) -> tuple[Array, Array]:
 
 
 class RivalsStepModel(StepModel):
-    """The first hypothesis's car, with the rival's memory run along beside it, as the model of an OCP.
+    """The first hypothesis's car, with the rival's internal states run along beside it, as the model of an OCP.
 
-    State: the first's six and its memory, then the memory that the rival would have.
+    State: the first's six and its internal states, then the internal states that the rival would have.
     """
 
     def __init__(self, first: EffectsStepModel, second: EffectsStepModel, gain: Array, bias: Array) -> None:
         """Args: gain, bias: the state that the rival takes the first's reading for is gain * x + bias [6]."""
         self.first, self.second, self.gain, self.bias = first, second, gain, bias
-        self.memory_scale = np.concatenate([first.memory_scale, second.memory_scale])
+        self.internal_scale = np.concatenate([first.internal_scale, second.internal_scale])
 
     def second_state(self, x: Array) -> Array:
-        """The rival's state [N, 6 + memory]."""
-        return np.concatenate([x[:, :BODY] * self.gain + self.bias, x[:, BODY + MEMORY :]], axis=1)
+        """The rival's state [N, 6 + internal states]."""
+        return np.concatenate([x[:, :BODY] * self.gain + self.bias, x[:, BODY + INTERNAL :]], axis=1)
 
     def step(self, x: Array, u: Array, u_next: Array, curvature: Array) -> Array:
-        own = self.first.step(x[:, : BODY + MEMORY], u, u_next, curvature)
+        own = self.first.step(x[:, : BODY + INTERNAL], u, u_next, curvature)
         other = self.second.step(self.second_state(x), u, u_next, curvature)
         return np.concatenate([own, other[:, BODY:]], axis=1)
 
     def linearize(self, x: Array, u: Array, u_next: Array, curvature: Array) -> tuple[Array, Array, Array, Array]:
-        own, *first = self.first.linearize(x[:, : BODY + MEMORY], u, u_next, curvature)
+        own, *first = self.first.linearize(x[:, : BODY + INTERNAL], u, u_next, curvature)
         other, *second = self.second.linearize(self.second_state(x), u, u_next, curvature)
-        half = BODY + MEMORY
-        a = np.zeros((len(x), half + MEMORY, half + MEMORY))
+        half = BODY + INTERNAL
+        a = np.zeros((len(x), half + INTERNAL, half + INTERNAL))
         a[:, :half, :half] = first[0]
         a[:, half:, :BODY] = second[0][:, BODY:, :BODY] * self.gain
         a[:, half:, half:] = second[0][:, BODY:, BODY:]
@@ -114,13 +114,13 @@ class DiscriminationCost:
         """What the rival's sensors would read a step later [N, 4]."""
         car = self._rival.car(theta)
         gain, bias = gains_and_biases(car.sensors)
-        state = np.concatenate([(x[:, :BODY] * self._gain + self._bias - bias) / gain, x[:, BODY + MEMORY :]], axis=1)
+        state = np.concatenate([(x[:, :BODY] * self._gain + self._bias - bias) / gain, x[:, BODY + INTERNAL :]], axis=1)
         after = self._model.second.of_car(car.constants, car.effects).step(state, u, u_next, np.zeros(len(x)))
         return (after[:, :BODY] * gain + bias)[:, :STATE_COUNT]
 
     def _read(self, x: Array, u: Array, u_next: Array) -> Array:
         """What the first's sensors read a step later [N, 4]."""
-        after = self._model.first.step(x[:, : BODY + MEMORY], u, u_next, np.zeros(len(x)))
+        after = self._model.first.step(x[:, : BODY + INTERNAL], u, u_next, np.zeros(len(x)))
         return (after[:, :BODY] * self._gain + self._bias)[:, :STATE_COUNT]
 
     def refit(self, x: Array, u: Array, u_next: Array) -> tuple[Array, float]:
@@ -156,7 +156,7 @@ class DiscriminationCost:
 
     def expansion(self, x: Array, u: Array, u_next: Array) -> DifferencedExpansion:
         """See `StageCost`; the rival's parameters are held where they are."""
-        gradient, scale = self._gradient_at(x, u, u_next), block_scale(self._model.memory_scale)
+        gradient, scale = self._gradient_at(x, u, u_next), block_scale(self._model.internal_scale)
         return DifferencedExpansion(gradient, x, u, u_next, scale)
 
     def _gradient_at(self, x: Array, u: Array, u_next: Array) -> Callable[[Array, Array, Array], Array]:
@@ -171,19 +171,19 @@ class DiscriminationCost:
 
         def gradient(x: Array, u: Array, u_next: Array) -> Array:
             straight = np.zeros(len(x))
-            own, *first = between.first.linearize(x[:, : BODY + MEMORY], u, u_next, straight)
+            own, *first = between.first.linearize(x[:, : BODY + INTERNAL], u, u_next, straight)
             other, *rivals = between.second.linearize(between.second_state(x), u, u_next, straight)
             difference = (own[:, :BODY] * self._gain + self._bias - other[:, :BODY] * rival_gain - rival_bias)[:, :4]
             weighted = difference * self._weight**2
             by_own, by_other = weighted * self._gain[:STATE_COUNT], weighted * rival_gain[:STATE_COUNT]
             out = np.zeros((len(x), x.shape[1] + 4))
-            half = BODY + MEMORY
+            half = BODY + INTERNAL
             out[:, :half] = np.einsum("ki,kij->kj", by_own, first[0][:, :STATE_COUNT])
             state = np.einsum("ki,kij->kj", by_other, rivals[0][:, :STATE_COUNT])
             out[:, :BODY] -= state[:, :BODY] * between.gain
-            out[:, half : half + MEMORY] = -state[:, BODY:]
+            out[:, half : half + INTERNAL] = -state[:, BODY:]
             for i, (b, rival_b) in enumerate(zip(first[1:], rivals[1:], strict=True)):
-                columns = slice(half + MEMORY + 2 * i, half + MEMORY + 2 * i + 2)
+                columns = slice(half + INTERNAL + 2 * i, half + INTERNAL + 2 * i + 2)
                 out[:, columns] = np.einsum("ki,kij->kj", by_own, b[:, :STATE_COUNT])
                 out[:, columns] -= np.einsum("ki,kij->kj", by_other, rival_b[:, :STATE_COUNT])
             return factor * out

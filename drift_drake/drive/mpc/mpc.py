@@ -52,7 +52,7 @@ class SolveStatistics(NamedTuple):
     seconds: float
 
 
-class PlanBeside(NamedTuple):
+class AlternativePlan(NamedTuple):
     """A plan from a fresh guess that is being worked out."""
 
     primal: Array
@@ -78,7 +78,7 @@ class MpcSolution(NamedTuple):
     primal: Array  # decision vector
     dual: Array  # multipliers
     statistics: SolveStatistics
-    beside: PlanBeside | None = None
+    alternative: AlternativePlan | None = None
 
 
 class Mpc:
@@ -174,49 +174,51 @@ class Mpc:
         curvature = np.atleast_1d(self.reference.path.curvature(s))
         step = model.step(x[None], now[None], later[None], curvature)[0] - x
         data = self._data(x + self.delay / DT * step, s + self.delay * x[1] * np.cos(x[5]), at_start)
-        beside, look = None, False
+        alternative, look = None, False
         if last is None:
             guess, dual = self.problem.first_guess(data), np.zeros(self.multiplier_count)
         else:
             gone = (start - last.plan.start) / DT
             guess, dual = self._shifted(last.primal, gone, data), last.dual
-            beside = last.beside and last.beside._replace(primal=self._shifted(last.beside.primal, gone, data))
+            alternative = last.alternative and last.alternative._replace(
+                primal=self._shifted(last.alternative.primal, gone, data)
+            )
             look = math.floor(start / LOOK) > math.floor(last.plan.start / LOOK)
         self.problem.set(self._tightened(covariance, model, data, guess))
-        first = self._solver.solve(guess, dual, 1 if beside else None)
+        first = self._solver.solve(guess, dual, 1 if alternative else None)
         if not first.iterations or (first.failed and first.iterations[0].step == 0.0):
             raise NoPlanError(f"no plan was found: {first.status}; the last one goes on")
-        result, beside, restart, seconds = self._or_from_afresh(first, beside, data, start, look)
+        result, alternative, restart, seconds = self._or_from_afresh(first, alternative, data, start, look)
         solution = self.problem.unstack(result.z)
         statistics = _statistics(result, float(solution.slack.max()), restart, seconds)
-        return MpcSolution(Plan(start, solution.u), solution.x, result.z, result.y, statistics, beside)
+        return MpcSolution(Plan(start, solution.u), solution.x, result.z, result.y, statistics, alternative)
 
     def _or_from_afresh(
-        self, result: SqpResult, beside: PlanBeside | None, data: OcpData, start: float, look: bool
-    ) -> tuple[SqpResult, PlanBeside | None, float, float]:
+        self, result: SqpResult, alternative: AlternativePlan | None, data: OcpData, start: float, look: bool
+    ) -> tuple[SqpResult, AlternativePlan | None, float, float]:
         """(what is followed, the plan beside from now on, `restart`, seconds in all) of a solve and the plan beside."""
-        seconds, restart = sum(iteration.seconds for iteration in result.iterations), float(beside is not None)
-        if beside is not None:
-            other = self._solver.solve(beside.primal, beside.dual, 1)
+        seconds, restart = sum(iteration.seconds for iteration in result.iterations), float(alternative is not None)
+        if alternative is not None:
+            other = self._solver.solve(alternative.primal, alternative.dual, 1)
             seconds += sum(iteration.seconds for iteration in other.iterations)
             if other.status == "feasible" and other.cost < CHEAPER * result.cost:
                 return other, None, FOLLOWED, seconds
             done = other.failed or other.status in ("feasible", "line search failed")
-            if done and not beside.turned and math.floor(start / LOOK) % 2:
+            if done and not alternative.turned and math.floor(start / LOOK) % 2:
                 return result, self._fresh_guess(data, True), 1.0, seconds
-            beside = None if done else PlanBeside(other.z, other.y, beside.turned)
-        if look or (beside is None and result.iterations[-1].step < STUCK):
-            return result, self._fresh_guess(data, beside is not None and not beside.turned), 1.0, seconds
-        return result, beside, restart, seconds
+            alternative = None if done else AlternativePlan(other.z, other.y, alternative.turned)
+        if look or (alternative is None and result.iterations[-1].step < STUCK):
+            return result, self._fresh_guess(data, alternative is not None and not alternative.turned), 1.0, seconds
+        return result, alternative, restart, seconds
 
-    def _fresh_guess(self, data: OcpData, turned: bool) -> PlanBeside:
+    def _fresh_guess(self, data: OcpData, turned: bool) -> AlternativePlan:
         """What a plan beside begins with: the reference, perhaps with the steering at the other lock."""
         guess = self.problem.first_guess(data)
         if turned:
             x, u, slack = self.problem.unstack(guess)
             u[1:, 0] = -math.copysign(self._steering_limit, data.u_init[0])
             guess = self.problem.stack(x, u, slack)
-        return PlanBeside(guess, np.zeros(self.multiplier_count), float(turned))
+        return AlternativePlan(guess, np.zeros(self.multiplier_count), float(turned))
 
     def _tightened(self, covariance: Array | None, model: StepModel, data: OcpData, guess: Array) -> OcpData:
         """The data with the lane narrowed, where that is asked for."""

@@ -110,7 +110,7 @@ class OptimalControlProblem(MathematicalProgram):
         self.horizon = horizon
         self.weights = weights or OcpWeights()
         self.parameters = parameters
-        self.layout = StageLayout(model.memory_scale, horizon)
+        self.layout = StageLayout(model.internal_scale, horizon)
         self.dynamics = StackedDynamics(model, self.layout)
         self.extra_cost = StackedCost(extra_cost, self.layout) if extra_cost else None
         # Flat, stage after stage: Drake orders the variables of a matrix by column, but the dynamics read rows.
@@ -308,7 +308,7 @@ def ocp(
     """
     problem = OptimalControlProblem(model, parameters, horizon, weights)
     along = reference.horizon(s, DT, horizon)
-    start = np.append(reference.state(s), np.zeros(model.memory_scale.size)) if x is None else np.asarray(x, float)
+    start = np.append(reference.state(s), np.zeros(model.internal_scale.size)) if x is None else np.asarray(x, float)
     in_force = np.asarray(reference.input(s) if command is None else command, dtype=float)
     data = OcpData(start, in_force, along.x_ref, along.curvature, along.e_min, along.e_max, along.u_ref)
     problem.set(data)

@@ -49,7 +49,7 @@ def _values(x: Array, u: Array, slack: Array, rows: Inequalities, out: Array) ->
 
 @compiled
 def _start(x: Array, u: Array, rows: Inequalities, penalty: Array, start: tuple[float, float, int],
-           values: Array, slack: Array, room: Array, multipliers: Array) -> None:  # fmt: skip
+           values: Array, slack: Array, margin: Array, multipliers: Array) -> None:  # fmt: skip
     """Slacks, distances from the bounds and multipliers to begin with."""
     least, barrier, _ = start
     slack[:] = 0.0
@@ -62,13 +62,13 @@ def _start(x: Array, u: Array, rows: Inequalities, penalty: Array, start: tuple[
         # Where no soft bound is near, it is the slack's own multiplier that balances the penalty.
         rest = penalty[k]
         for r in here:
-            room[r] = max(values[r] + rows.softness[r] * slack[k], least)
-            multipliers[r] = barrier / room[r]
+            margin[r] = max(values[r] + rows.softness[r] * slack[k], least)
+            multipliers[r] = barrier / margin[r]
             if r != own:
                 rest -= rows.softness[r] * multipliers[r]
         multipliers[own] = max(rest / rows.softness[own], barrier)
-        room[own] = barrier / multipliers[own]
-        slack[k] = max(slack[k], (room[own] + rows.bound[own]) / rows.softness[own])
+        margin[own] = barrier / multipliers[own]
+        slack[k] = max(slack[k], (margin[own] + rows.bound[own]) / rows.softness[own])
 
 
 @compiled
@@ -110,7 +110,7 @@ class _Condensed(NamedTuple):
 
 
 @compiled
-def _condense(rows: Inequalities, multipliers: Array, room: Array, out: _Condensed) -> None:
+def _condense(rows: Inequalities, multipliers: Array, margin: Array, out: _Condensed) -> None:
     """The second derivatives."""
     row, softness, _, first = rows
     shifted, span, lead, coupling, weight, curvature = out
@@ -119,14 +119,14 @@ def _condense(rows: Inequalities, multipliers: Array, room: Array, out: _Condens
     for k in range(weight.size):
         most = 0.0
         for r in range(first[k], first[k + 1]):
-            by_slack = multipliers[r] / room[r] * softness[r] ** 2
+            by_slack = multipliers[r] / margin[r] * softness[r] ** 2
             weight[k] += by_slack
             if by_slack > most:
                 most = by_slack
                 for i in range(size):
                     lead[k, i] = row[r, i] / softness[r]
         for r in range(first[k], first[k + 1]):
-            d, begin, end = multipliers[r] / room[r], size, 0
+            d, begin, end = multipliers[r] / margin[r], size, 0
             for i in range(size):
                 shifted[r, i] = row[r, i] - softness[r] * lead[k, i]
                 if shifted[r, i] != 0.0:
@@ -143,7 +143,7 @@ def _condense(rows: Inequalities, multipliers: Array, room: Array, out: _Condens
 
 
 @compiled
-def _first_derivatives(rows: Inequalities, multipliers: Array, room: Array, values: Array, centre: Array,
+def _first_derivatives(rows: Inequalities, multipliers: Array, margin: Array, values: Array, centre: Array,
                        penalty: Array, condensed: _Condensed, barrier: Array, constant: Array) -> None:  # fmt: skip
     """Writes those by (x, u) [N, n+2], and the step of t at (dx, du) = 0 [N].
 
@@ -157,7 +157,7 @@ def _first_derivatives(rows: Inequalities, multipliers: Array, room: Array, valu
         for i in range(size):
             barrier[k, i] = -penalty[k] * lead[k, i]
         for r in range(first[k], first[k + 1]):
-            m = (centre[r] - multipliers[r] * (values[r] - room[r])) / room[r]
+            m = (centre[r] - multipliers[r] * (values[r] - margin[r])) / margin[r]
             by_slack -= m * softness[r]
             for i in range(span[r, 0], span[r, 1]):
                 barrier[k, i] -= m * shifted[r, i]
@@ -168,7 +168,7 @@ def _first_derivatives(rows: Inequalities, multipliers: Array, room: Array, valu
 
 @compiled
 def _bound_steps(rows: Inequalities, step: Array, condensed: _Condensed, constant: Array, multipliers: Array,
-                 room: Array, values: Array, centre: Array, slack_step: Array, room_step: Array,
+                 margin: Array, values: Array, centre: Array, slack_step: Array, margin_step: Array,
                  multiplier_step: Array) -> float:  # fmt: skip
     """Steps of slacks, rooms and multipliers; returns the longest share of the step that keeps all above zero."""
     softness, first = rows.softness, rows.first
@@ -184,10 +184,10 @@ def _bound_steps(rows: Inequalities, step: Array, condensed: _Condensed, constan
             change = softness[r] * t
             for i in range(span[r, 0], span[r, 1]):
                 change += shifted[r, i] * step[k + 1, i]
-            dt = room_step[r] = change + values[r] - room[r]
-            dy = multiplier_step[r] = (centre[r] - multipliers[r] * dt) / room[r] - multipliers[r]
+            dt = margin_step[r] = change + values[r] - margin[r]
+            dy = multiplier_step[r] = (centre[r] - multipliers[r] * dt) / margin[r] - multipliers[r]
             if dt < 0.0:
-                longest = min(longest, -room[r] / dt)
+                longest = min(longest, -margin[r] / dt)
             if dy < 0.0:
                 longest = min(longest, -multipliers[r] / dy)
     return longest
@@ -225,7 +225,7 @@ def _dual_residual(f: Array, linear: Array, end: Array, penalty: Array, costate:
 
 
 @compiled
-def _centred(multipliers: Array, room: Array, length: float, room_step: Array, multiplier_step: Array,
+def _centred(multipliers: Array, margin: Array, length: float, margin_step: Array, multiplier_step: Array,
              complementarity: float, least: float, centre: Array) -> None:  # fmt: skip
     """Mehrotra's centring and second-order correction, from the predictor's steps, which reach `length` far.
 
@@ -233,10 +233,10 @@ def _centred(multipliers: Array, room: Array, length: float, room_step: Array, m
     """
     after = 0.0
     for r in range(centre.size):
-        after += (room[r] + length * room_step[r]) * (multipliers[r] + length * multiplier_step[r])
+        after += (margin[r] + length * margin_step[r]) * (multipliers[r] + length * multiplier_step[r])
     target = max((after / centre.size / complementarity) ** 3 * complementarity, least)
     for r in range(centre.size):
-        centre[r] = target - room_step[r] * multiplier_step[r]
+        centre[r] = target - margin_step[r] * multiplier_step[r]
 
 
 @compiled
@@ -245,8 +245,8 @@ def attempt(f: Array, hessian: Array, gx: Array, gu: Array, penalty: Array, targ
              multipliers: Array) -> tuple[int, bool]:  # fmt: skip
     """`interior_point` from one of the `STARTS`."""
     count, n, inequalities = f.shape[0], f.shape[1], rows.bound.size
-    room, values, centre = np.empty(inequalities), np.empty(inequalities), np.empty(inequalities)
-    room_step, multiplier_step, slack_step = np.empty_like(room), np.empty_like(room), np.empty(count)
+    margin, values, centre = np.empty(inequalities), np.empty(inequalities), np.empty(inequalities)
+    margin_step, multiplier_step, slack_step = np.empty_like(margin), np.empty_like(margin), np.empty(count)
     linear, defect, end = np.empty((count, n + 4)), np.empty((count, n)), np.concatenate((gx[count], gu[count]))
     condensed = _Condensed(np.empty_like(rows.row), np.empty((inequalities, 2), np.intp), np.empty((count, n + 2)),
                            np.empty((count, n + 2)), np.empty(count), np.empty((count, n + 2, n + 2)))  # fmt: skip
@@ -254,14 +254,14 @@ def attempt(f: Array, hessian: Array, gx: Array, gu: Array, penalty: Array, targ
     p, gain, pivots = np.empty((count + 1, n + 2, n + 2)), np.empty((count, 2, n + 2)), np.empty((count, 3))
     q, ahead, step = np.empty((count + 1, n + 2)), np.empty((count, 2)), np.empty((count + 1, n + 2))
     next_costate = np.empty_like(costate)
-    _start(x, u, rows, penalty, start, values, slack, room, multipliers)
+    _start(x, u, rows, penalty, start, values, slack, margin, multipliers)
     costate[:] = 0.0
     iteration, limit = 0, start[2]
     while True:
         _values(x, u, slack, rows, values)
         _gradients(f, hessian, gx, gu, target, x, u, linear, defect)
-        complementarity = float(room @ multipliers) / inequalities
-        primal = max(np.abs(defect).max(), np.abs(values - room).max())
+        complementarity = float(margin @ multipliers) / inequalities
+        primal = max(np.abs(defect).max(), np.abs(values - margin).max())
         if not np.isfinite(primal + complementarity):
             return iteration, False
         if iteration > 0 and max(primal, complementarity) <= tolerance:
@@ -270,18 +270,25 @@ def attempt(f: Array, hessian: Array, gx: Array, gu: Array, penalty: Array, targ
                 return iteration, True
         if iteration == limit:
             return iteration, False
-        _condense(rows, multipliers, room, condensed)
+        _condense(rows, multipliers, margin, condensed)
         if not factorise(f, hessian, condensed.curvature, p, gain, pivots):
             return iteration, False
         centre[:] = 0.0
         for predictor in (True, False):
-            _first_derivatives(rows, multipliers, room, values, centre, penalty, condensed, barrier, constant)
+            _first_derivatives(rows, multipliers, margin, values, centre, penalty, condensed, barrier, constant)
             substitute(f, linear, end, barrier, defect, p, gain, pivots, q, ahead, step)
-            length = _bound_steps(rows, step, condensed, constant, multipliers, room, values, centre, slack_step,
-                                  room_step, multiplier_step)  # fmt: skip
+            length = _bound_steps(rows, step, condensed, constant, multipliers, margin, values, centre, slack_step,
+                                  margin_step, multiplier_step)  # fmt: skip
             if predictor:
                 _centred(
-                    multipliers, room, length, room_step, multiplier_step, complementarity, FLOOR * tolerance, centre
+                    multipliers,
+                    margin,
+                    length,
+                    margin_step,
+                    multiplier_step,
+                    complementarity,
+                    FLOOR * tolerance,
+                    centre,
                 )
         costates(p, q, step, next_costate)
         length = min(1.0, TO_THE_BOUNDARY * length)
@@ -289,7 +296,7 @@ def attempt(f: Array, hessian: Array, gx: Array, gu: Array, penalty: Array, targ
         u += length * step[:, n:]
         costate += length * (next_costate - costate)
         slack += length * slack_step
-        room += length * room_step
+        margin += length * margin_step
         multipliers += length * multiplier_step
         iteration += 1
 

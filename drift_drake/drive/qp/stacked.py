@@ -65,11 +65,11 @@ class DifferencedExpansion:
 class StageLayout:
     """Where the stages' variables lie in the decision vector."""
 
-    def __init__(self, memory_scale: Array, horizon: int) -> None:
+    def __init__(self, internal_scale: Array, horizon: int) -> None:
         self.horizon = horizon
-        self.state_scale = np.concatenate([STATE_SCALE, memory_scale])
+        self.state_scale = np.concatenate([STATE_SCALE, internal_scale])
         self.state_size = self.state_scale.size
-        self.block_scale = block_scale(memory_scale)
+        self.block_scale = block_scale(internal_scale)
         n, stage = self.state_size, np.arange(horizon)[:, None]
         inputs = n * (horizon + 1) + 2 * stage + np.arange(4)
         self.block_columns = np.concatenate([n * stage + np.arange(n), inputs], axis=1)

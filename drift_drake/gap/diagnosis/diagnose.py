@@ -10,7 +10,7 @@ from drift_drake.car.log.given import Logs, logs_given
 from drift_drake.common.errors import InvalidOptionError
 from drift_drake.common.run_folder import plain
 from drift_drake.common.standard_output import Progress
-from drift_drake.gap.diagnosis.calibrated.diagnose_day import DayDiagnosis
+from drift_drake.gap.diagnosis.calibrated.diagnose_change import ChangeDiagnosis
 from drift_drake.gap.diagnosis.folders import answer_folder, answer_runs
 from drift_drake.gap.diagnosis.likelihood.diagnose import Diagnosis
 from drift_drake.gap.diagnosis.options import USUAL_ALARMS, check_options, check_trust
@@ -26,7 +26,7 @@ def diagnose(
     process_scale: float = 1.0, noise_scale: float = 1.0, row_weight: float = 1.0,
     false_alarms: float | None = None, most_seconds: float = MOST_SECONDS, workers: int = 2,
     progress: Progress | None = None,
-) -> Diagnosis | DayDiagnosis:  # fmt: skip
+) -> Diagnosis | ChangeDiagnosis:  # fmt: skip
     """Finds where a simulator is wrong, which effect it lacks, how large that is, and how far adding it helps.
 
     Examples:

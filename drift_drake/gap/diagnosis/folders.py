@@ -15,7 +15,7 @@ from drift_drake.common.executors import ExecutorConfig, run_jobs
 from drift_drake.common.worker_pool import WorkerLostError
 from drift_drake.gap.diagnosis.answers.answer import Answer
 from drift_drake.gap.diagnosis.answers.provenance import KEY, provenance
-from drift_drake.gap.diagnosis.calibrated.diagnose_day import DayDiagnosis, diagnose_day
+from drift_drake.gap.diagnosis.calibrated.diagnose_change import ChangeDiagnosis, diagnose_change
 from drift_drake.gap.diagnosis.likelihood.diagnose import Diagnosis, diagnose
 from drift_drake.gap.estimation.normal import Normal
 
@@ -28,11 +28,11 @@ def answer_folder(
     without: Sequence[str] = (),
     every: int = 1,
     **options: Any,
-) -> Diagnosis | DayDiagnosis:
+) -> Diagnosis | ChangeDiagnosis:
     """Diagnoses one case folder by the criterion that its car was calibrated by.
 
     Args:
-        normal: of a car that was calibrated by prediction (`another_day`); without: columns to leave out;
+        normal: of a car that was calibrated by prediction (`changed_day`); without: columns to leave out;
         every: rows of the logs that make one here; options: of `diagnose`.
     """
     folder = Path(folder)
@@ -49,13 +49,13 @@ def answer_folder(
 def answer_runs(
     runs: Sequence[Run], vehicle: CarParameters, case: str, workers: int = 2, normal: Normal | None = None,
     **options: Any,
-) -> Diagnosis | DayDiagnosis:  # fmt: skip
+) -> Diagnosis | ChangeDiagnosis:  # fmt: skip
     """Diagnoses runs by the criterion that their car was calibrated by; arguments as those of `answer_folder`."""
     if normal is None:
         options.pop("false_alarms", None)
         return diagnose(runs, single_track_of(vehicle), case=case, workers=workers, **options)
     kept = {key: options[key] for key in ("own", "progress", "catalogue", "false_alarms") if key in options}
-    return diagnose_day(runs, vehicle, normal, case=case, workers=workers, **kept)
+    return diagnose_change(runs, vehicle, normal, case=case, workers=workers, **kept)
 
 
 def _answered(vehicle: CarParameters, options: Mapping[str, Any], folder: Path) -> Answer:

@@ -1,8 +1,8 @@
 """The diagnosis's filter state: how it moves, what is measured of it, and both linearised; compiled.
 
-z: r, v, beta, omega_r, psi, x, y, then the effects' memory: lateral slips front and rear, heats front and rear,
-filtered accelerations a_x and a_y, and states of effects from other packages. Measurements [9] are in the order of
-`CHANNELS`.
+z: r, v, beta, omega_r, psi, x, y, then the effects' internal states: lateral slips front and rear, heats front and
+rear, filtered accelerations a_x and a_y, and states of effects from other packages. Measurements [9] are in the order
+of `CHANNELS`.
 
 The commands are known exactly, so that what actuators make of them (delays, lags, rate limits) is computed once, ahead
 of the filter, on the grid of times that its Runge-Kutta stages use. A sensor that is late by q is, seen from the car,
@@ -17,7 +17,7 @@ from drift_drake.car.compilation import compiled
 from drift_drake.car.effects.delays import DELAYS, HASTENERS, command_delays
 from drift_drake.car.effects.magnitudes import (
     Effects,
-    Memory,
+    InternalStates,
     measured,
     unbiased,
 )
@@ -27,7 +27,7 @@ from drift_drake.car.single_track.equations import HELD, wheel_rate
 from drift_drake.car.single_track.motion_with_effects import (
     motion_with_effects,
     road_wheel,
-    settled_memory,
+    settled_internal_states,
     steering_rate,
 )
 
@@ -133,9 +133,21 @@ def state_rates(
 ) -> Any:
     """Rates of z and the body acceleration (a_x, a_y), on floats or complex numbers."""
     zero = 0.0 * z[0]
-    memory = Memory(*((zero, zero) + fixed_tuple(z[7:], HELD)))  # noqa: RUF005 (for numba)
+    internal = InternalStates(*((zero, zero) + fixed_tuple(z[7:], HELD)))  # noqa: RUF005 (for numba)
     motion, rates = motion_with_effects(
-        z[0], z[1], z[2], z[3], z[4], memory, delta + zero, torque + zero, constants, effects, force_x, force_y, moment
+        z[0],
+        z[1],
+        z[2],
+        z[3],
+        z[4],
+        internal,
+        delta + zero,
+        torque + zero,
+        constants,
+        effects,
+        force_x,
+        force_y,
+        moment,
     )
     course = z[4] + z[2]
     return (
@@ -218,8 +230,8 @@ def first_state(y: Any, first: Any, used: Any, delta: Any, torque: Any, constant
     for i in range(3):
         z[4 + i] = y[first, 6 + i] if used[6 + i] else 0.0
     at = STAGES * first
-    memory = settled_memory(z[0], z[1], z[2], z[3], delta[at], torque[at], constants, effects)
-    for i, state in enumerate(memory[2:]):
+    internal = settled_internal_states(z[0], z[1], z[2], z[3], delta[at], torque[at], constants, effects)
+    for i, state in enumerate(internal[2:]):
         z[7 + i] = state
 
 

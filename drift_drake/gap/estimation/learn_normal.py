@@ -38,13 +38,13 @@ class Learnt(NamedTuple):
 
 
 def learn_normal(
-    day: Day, names: tuple[str, ...], steps: np.ndarray, prior: np.ndarray, everyday: np.ndarray, left: np.ndarray
+    day: Day, names: tuple[str, ...], steps: np.ndarray, prior: np.ndarray, between: np.ndarray, left: np.ndarray
 ) -> Learnt:
     """What is normal, from the day of calibration.
 
     Args:
         day: the logs that the car was calibrated on, under the calibrated car; steps: units of the effects `names`;
-        prior: standard deviations [n] of the effects, in their units, before those logs; everyday: the same of what
+        prior: standard deviations [n] of the effects, in their units, before those logs; between: the same of what
             they differ by from one recording to the next at least (`between_recordings`); left: what the car may
             deviate by (`left_of`).
     """
@@ -53,11 +53,11 @@ def learn_normal(
     f = flat_scores(day.errors, scales)
     precision = np.linalg.inv(np.cov(f.T) + REGULAR * np.eye(f.shape[1]))
     seen = seen_of(day, scales, precision)
-    total, model = seen.stretches.information.sum(axis=0), spread_of(seen, names, everyday, len(of_kind))
+    total, model = seen.stretches.information.sum(axis=0), spread_of(seen, names, between, len(of_kind))
     before = with_partial(left, len(total), len(of_kind))
     known, apart = known_from(seen.stretches, model, before), left_out(seen.stretches, model, before)
     distances = np.array([part.distance for part in apart])
-    unknown, recording, pulled = parameters_left_open(day, seen.score[:, :n], total[:n, :n], prior, everyday, names,
+    unknown, recording, pulled = parameters_left_open(day, seen.score[:, :n], total[:n, :n], prior, between, names,
                                                       steps)  # fmt: skip
     offset = np.median(day.errors, axis=0)
     normal = Normal(
@@ -65,7 +65,7 @@ def learn_normal(
         stride=day.runs[0].stride, units=steps, scales=scales, precision=precision,
         standard=day.standard, slipping=seen.slipping, blocks=seen.blocks,
         covariance=seen.covariance, information=seen.information, ratio=seen.ratio, expected=known.mean,
-        left_open=known.covariance, everyday=everyday, scale=scale_of(distances), left_out=distances,
+        left_open=known.covariance, everyday=between, scale=scale_of(distances), left_out=distances,
         left_out_none=np.ones(len(distances)), covered=drive_coverage(day.runs), unknown=unknown, recording=recording,
         offset=offset, level=capped_squares((day.errors - offset) / scales).mean(axis=0),
         noise=log_levels(day.runs, white=True),
@@ -74,7 +74,7 @@ def learn_normal(
 
 
 def parameters_left_open(
-    day: Day, score: np.ndarray, information: np.ndarray, prior: np.ndarray, everyday: np.ndarray,
+    day: Day, score: np.ndarray, information: np.ndarray, prior: np.ndarray, between: np.ndarray,
     names: tuple[str, ...], steps: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:  # fmt: skip
     """Covariance of what a baseline leaves unknown of the effects and of what they differ by from recording to
@@ -94,5 +94,5 @@ def parameters_left_open(
     seen_apart = spread(pulled)
     # Blocks' scatter alone pulls recordings apart by a share of what is left open that is their number over CALIBRATED.
     chance = len(pulled) / CALIBRATED
-    recording = shrunk(seen_apart, alone, information / temper, len(pulled), chance) + np.diag(everyday**2)
+    recording = shrunk(seen_apart, alone, information / temper, len(pulled), chance) + np.diag(between**2)
     return alone + model_form + recording / len(pulled), recording, pulled

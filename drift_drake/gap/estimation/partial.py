@@ -14,7 +14,7 @@ from drift_drake.gap.estimation.free_directions import FREE
 from drift_drake.gap.estimation.windows import HORIZONS, WindowedRun
 
 STEERS = 0.05  # [rad/s] of steering, beyond which its direction is certain
-PUSHES = 0.2  # of a run's largest torque, the same of the torque's
+THROTTLE = 0.2  # of a run's largest torque, the same of the torque's
 LARGEST = 3.0  # standard deviations of a function of the driving, at which it is clipped
 
 DRIVING = (
@@ -62,7 +62,7 @@ def driving(runs: Sequence[WindowedRun]) -> np.ndarray:
         tau = run.tau[middle]
         most = max(float(np.max(np.abs(run.tau))), 1e-9)
         out.append(np.stack([v, middle * run.period, np.abs(r * v), r, np.tanh(steering / STEERS), tau,
-                             np.tanh(tau / (PUSHES * most)), beta], axis=-1))  # fmt: skip
+                             np.tanh(tau / (THROTTLE * most)), beta], axis=-1))  # fmt: skip
     return np.concatenate(out)
 
 

@@ -41,14 +41,16 @@ class Hypothesis:
     nats: float  # half the squared distance of its scores from normal
     log_evidence: float
     follows_load: float = 0.0  # share by which axle stiffnesses follow the loads (`with_load`)
-    beside: Mapping[str, float] = dataclasses.field(default_factory=dict)  # of the car's build, unseen by calibration
+    additional: Mapping[str, float] = dataclasses.field(
+        default_factory=dict
+    )  # of the car's build, unseen by calibration
     scores: int = 0  # that judge it
     left_over: LeftOver | None = None  # what it leaves over; None where it was not judged at the changed car
 
     def effects(self, day: Day, magnitudes: np.ndarray | None = None) -> dict[str, float]:
         """What is added to the calibrated car, with other magnitudes [k] if they are given."""
         q = self.magnitudes if magnitudes is None else magnitudes
-        return added_up(effects_of(self.names, q, self.follows_load, day), self.beside)
+        return added_up(effects_of(self.names, q, self.follows_load, day), self.additional)
 
 
 def added_up(one: Mapping[str, float], other: Mapping[str, float]) -> dict[str, float]:
@@ -67,7 +69,7 @@ def as_change(h: Hypothesis) -> Hypothesis:
     at = 1 - h.names.index(built[0])
     return dataclasses.replace(
         h, names=(h.names[at],), magnitudes=h.magnitudes[[at]], covariance=h.covariance[[at]][:, [at]],
-        beside={built[0]: float(h.magnitudes[1 - at])},
+        additional={built[0]: float(h.magnitudes[1 - at])},
     )  # fmt: skip
 
 

@@ -75,7 +75,7 @@ def ranked(
 
 def prior(h: Hypothesis, catalogue: int, constants: PosteriorConstants) -> float:
     """Log prior of a hypothesis, but for a constant."""
-    names = (*h.names, *h.beside)
+    names = (*h.names, *h.additional)
     daily = float(np.sum([np.log(CATALOGUE[name].daily) for name in names]))
     return log_prior(len(names), catalogue, constants) + daily - SECOND * (len(names) > 1)
 

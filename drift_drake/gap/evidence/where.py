@@ -17,7 +17,7 @@ SLIDING = 0.25  # [rad] of sideslip beyond which the car slides
 ONSET = 0.05  # share of a run's gap by which it has set in
 LEAST_SHARE = 0.05  # of the gap that a region must hold to be named
 LONGEST_LAG = 0.4  # [s]
-DEAFNESS = 30.0  # factor on the noise levels that makes a filter rely on its model
+R_OVER_Q = 30.0  # factor on the noise levels that makes a filter rely on its model
 
 
 def find_gap(
@@ -116,12 +116,12 @@ def regions(excess: np.ndarray, region: np.ndarray) -> list[str]:
 def lags(problem: Problem) -> dict[str, float]:
     """Delay [s] of each measured state behind the nominal car's prediction, by cross-correlation of their rates."""
     # A filter that hardly listens to the sensors: what the car predicts by itself, kept from diverging.
-    deaf = problem.replace(noise=problem.noise * DEAFNESS)
+    model_reliant = problem.replace(noise=problem.noise * R_OVER_Q)
     theta = np.zeros(problem.nuisances)
-    gains = filter_case(deaf, theta, ())
+    gains = filter_case(model_reliant, theta, ())
     scores: dict[str, dict[int, float]] = {}
     for index, run in enumerate(problem.runs):
-        states = filtered_states(deaf, gains, theta, (), index)
+        states = filtered_states(model_reliant, gains, theta, (), index)
         most = int(LONGEST_LAG / run.period)
         for i, name in enumerate(STATES):
             if run.used[i]:

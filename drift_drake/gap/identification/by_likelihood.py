@@ -27,10 +27,10 @@ from drift_drake.gap.identification.estimate import (
     shown_effects,
     widened,
 )
-from drift_drake.gap.identification.everyday_misfit import everyday_misfit, widening
 from drift_drake.gap.identification.held_out import HeldOut, held_out_error, held_out_rows, squares_of, without_fold
+from drift_drake.gap.identification.model_discrepancy import model_discrepancy, widening
 
-DEAFNESS = (1.0, 3.0, 10.0)  # that are tried in turn
+R_OVER_Q = (1.0, 3.0, 10.0)  # that are tried in turn
 STEP = 1e-3  # of a broad prior, for differences: coarser ones tell mass and forces apart, which only ratios tell
 HARDLY = 1e-3  # of an effect's range
 EASED = 0.1  # deafness of a filter that only finds the way
@@ -68,7 +68,7 @@ def identify_by_likelihood(
     problem = make_problem(runs, wide, stated=stated)
     problem = problem.replace(ranges=effect_ranges(chosen, vehicle, runs), step=STEP)
     first = first_guess(problem, chosen, effects)
-    best = least_deaf_fit(problem, chosen, (first, first_guess(problem, chosen, effects, HARDLY)), tell)
+    best = least_r_over_q_fit(problem, chosen, (first, first_guess(problem, chosen, effects, HARDLY)), tell)
     tell("all rows", 0.8)
     found = estimate(problem, chosen, best.theta, best.trust.noise / best.trust.process)
     held = held_out_rows(
@@ -99,7 +99,7 @@ def stated_in_full(
     """
     parameters, correlation, covariance = summarise(kept, vehicle, effects, known)
     check_peak(case, covariance)
-    row_weight, everyday = everyday_misfit(kept)
+    row_weight, everyday = model_discrepancy(kept)
     new_vehicle, new_effects = calibrated_vehicle(
         kept.problem, vehicle, kept.theta, kept.names, {name: p.deviation for name, p in parameters.items()}
     )
@@ -152,7 +152,7 @@ def guess_as_stated(
     return np.concatenate([first[: problem.nuisances], magnitudes]), own
 
 
-def least_deaf_fit(
+def least_r_over_q_fit(
     problem: Problem, names: Sequence[str], starts: tuple[np.ndarray, np.ndarray], tell: Progress
 ) -> Estimate:
     """The fit without the held-out rows, under the least deafness that predicts well half a second ahead.
@@ -174,16 +174,16 @@ def least_deaf_fit(
         return float(np.sqrt(held_out_error(squares_of(problem, at.theta, at.names, held=False))))
 
     tell("fit 1", 0.0)
-    direct = estimate(kept, names, first, DEAFNESS[0])
+    direct = estimate(kept, names, first, R_OVER_Q[0])
     tell("fit 2", 0.2)
-    eased = estimate(kept, names, estimate(kept, names, first, EASED).theta, DEAFNESS[0])
-    ways = (direct, eased, estimate(kept, names, hardly, DEAFNESS[0]))
+    eased = estimate(kept, names, estimate(kept, names, first, EASED).theta, R_OVER_Q[0])
+    ways = (direct, eased, estimate(kept, names, hardly, R_OVER_Q[0]))
     off = [error(at) for at in ways]
     alike = [at for at, e in zip(ways, off, strict=True) if e <= ALIKE * min(off)]
     fits = [min(alike, key=lambda at: cost_of(at.problem, at.at.filtered, at.theta))]  # each under its own noise
-    for number, deafness in enumerate(DEAFNESS[1:], 3):
+    for number, r_over_q in enumerate(R_OVER_Q[1:], 3):
         tell(f"fit {number}", 0.15 * number)
-        fits.append(estimate(kept, names, fits[-1].theta, deafness))
+        fits.append(estimate(kept, names, fits[-1].theta, r_over_q))
     errors = [error(at) for at in fits]
     return next(at for at, e in zip(fits, errors, strict=True) if e <= ALIKE * min(errors))
 

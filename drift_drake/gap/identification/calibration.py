@@ -75,7 +75,7 @@ class Calibration:
     warnings: list[str]
     criterion: str = "likelihood"  # or "prediction"
     normal: Normal | None = None  # of a car calibrated by prediction, for a diagnosis of another day
-    watching: dict[str, Any] | None = None  # `gap.monitoring.normal.NormalScores`, for `drift-drake watch`
+    watching: dict[str, Any] | None = None  # `gap.monitoring.baseline_scores.BaselineScores`, for `drift-drake watch`
     catalogue: tuple[str, ...] = tuple(CATALOGUE)  # effects that there were
     disagreed: dict[str, str] = dataclasses.field(default_factory=dict)  # parameters, and who pulls each the most
     driving: Driving | None = None
@@ -217,11 +217,11 @@ def trust_of(data: Any) -> CarTrust:
         _within("trust.noise", data["trust"]["noise"], LARGEST_SCALE),
         _within("trust.process", data["trust"]["process"], LARGEST_SCALE),
         _within("row_weight", data["row_weight"], 1.0),
-        None if everyday is None else _everyday(everyday),
+        None if everyday is None else _discrepancy(everyday),
     )
 
 
-def _everyday(data: Mapping[str, Any]) -> Everyday:
+def _discrepancy(data: Mapping[str, Any]) -> Everyday:
     forces = {
         name: [named_number(f"everyday.forces.{name}", q) for q in data["forces"][name]] for name in FORCE_CHANNELS
     }

@@ -112,7 +112,7 @@ def mean_square(problem: Problem, theta: np.ndarray, names: Sequence[str]) -> fl
     return float(np.mean(flat(problem, filter_case(problem, theta, names).innovations) ** 2))
 
 
-def estimate(problem: Problem, names: Sequence[str], theta: np.ndarray, deafness: float) -> Estimate:
+def estimate(problem: Problem, names: Sequence[str], theta: np.ndarray, r_over_q: float) -> Estimate:
     """Fits under noise whose common scale is such that the innovations have mean square one.
 
     Args:
@@ -121,7 +121,7 @@ def estimate(problem: Problem, names: Sequence[str], theta: np.ndarray, deafness
     """
     scale = 1.0
     for round_number in range(ROUNDS):
-        trust = Trust(scale * deafness, scale)
+        trust = Trust(scale * r_over_q, scale)
         held = trusted(problem, trust)
         if round_number > 0:
             at = minimise(held, names, theta, ITERATIONS, ENOUGH)

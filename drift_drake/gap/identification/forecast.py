@@ -53,10 +53,10 @@ def forecast(
     prior = np.array([prior_of(name, vehicle, stated | frozenset(known)) for name in seen]) / steps
     day = make_day(thinned(windows, MOST_WINDOWS), car.constants(), effects, seen, steps)
     day = linearly_calibrated(day, prior)
-    everyday = between_recordings(seen, vehicle) / steps
+    between = between_recordings(seen, vehicle) / steps
     own = [name for name in OWN if name in seen and CATALOGUE[name].tolerance not in known]
     left = left_of(prior, np.isin(seen, own))
-    learnt = learn_normal(day, tuple(seen), steps, prior, everyday, left)
+    learnt = learn_normal(day, tuple(seen), steps, prior, between, left)
     return Forecast(
         left_open(day, learnt, own, asked_in_turn(learnt, vehicle)), outlook(day, learnt.normal, left, vehicle)
     )

@@ -13,7 +13,7 @@ from drift_drake.gap.identification.calibration import Identification
 from drift_drake.gap.identification.identify import Days, read_days
 from drift_drake.gap.identification.identify import identify as identify_runs
 from drift_drake.gap.identification.options import EFFECTS, KNOWN, CarKind, Criterion
-from drift_drake.gap.monitoring.normal import learn_normal_scores
+from drift_drake.gap.monitoring.baseline_scores import learn_baseline_scores
 
 
 def identify(
@@ -52,7 +52,7 @@ def identify(
         days.runs, first.parameters, first.effects, days.case, known, effects, {**days.stated, **(stated or {})},
         progress, criterion, first.tolerances, force, kind=car,
     )  # fmt: skip
-    return _with_normal_scores(found, days.runs) if watching else found
+    return _with_baseline_scores(found, days.runs) if watching else found
 
 
 def _days(logs: Logs | Sequence[str | Path], case: str | None) -> Days:
@@ -65,12 +65,12 @@ def _days(logs: Logs | Sequence[str | Path], case: str | None) -> Days:
     return Days(given.runs, given.noise, given.case)
 
 
-def _with_normal_scores(found: Identification, runs: Sequence[Run]) -> Identification:
+def _with_baseline_scores(found: Identification, runs: Sequence[Run]) -> Identification:
     """A calibration with what is normal for a single-track car while it is watched, where its logs can say."""
     if not isinstance(found.vehicle, VehicleParameters):
         return found
     try:
-        scores = learn_normal_scores(runs, found.vehicle, found.effects)
+        scores = learn_baseline_scores(runs, found.vehicle, found.effects)
     except (InvalidLogError, ValueError):  # no torque commands, or too little driving
         return found
     return dataclasses.replace(found, calibration=dataclasses.replace(found.calibration, watching=scores.as_data()))

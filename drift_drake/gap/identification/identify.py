@@ -194,11 +194,11 @@ def of_better_kind(
 ) -> tuple[PredictionFit, str]:
     """A double-track car where it predicts held-out parts better than the single-track one, beyond what chance does."""
 
-    def told(stage: str, share: float) -> None:
+    def progress(stage: str, share: float) -> None:
         tell(f"{stage}, on two tracks", 0.5 + 0.5 * share)
 
     try:
-        double = by_prediction(runs, asked, True, told)
+        double = by_prediction(runs, asked, True, progress)
     except (InvalidVehicleError, np.linalg.LinAlgError) as error:
         return single, f"a single-track car: a double-track one cannot be identified on these logs ({error})"
     apart = held_out_windows(single.judged, single.without, double.without)

@@ -16,7 +16,7 @@ from drift_drake.common.errors import significant
 from drift_drake.gap.estimation.baseline import scatter_of, with_partial
 from drift_drake.gap.estimation.normal import Normal
 from drift_drake.gap.estimation.scores import Day, block_information
-from drift_drake.gap.evidence.ranges import BESIDE_NONE, BESIDE_RIVAL, REACH
+from drift_drake.gap.evidence.ranges import REACH, RELATIVE_TO_NONE, RELATIVE_TO_RIVAL
 
 TIMES = (1, 2, 4)  # as many recordings as there are
 SINGULAR = 1e-9  # of a scatter's largest direction, below which it is none
@@ -66,8 +66,8 @@ def limits(
     alike = np.abs(shifts.T @ shifts) / np.outer(size, size) - np.eye(len(size))
     apart = np.sqrt(np.maximum(1.0 - np.minimum(alike.max(axis=0), 1.0) ** 2, 1e-12))
     out: dict[str, float | None] = {}
-    for name, unit, least in zip(normal.names, normal.units, np.maximum(BESIDE_NONE, BESIDE_RIVAL / apart) / size,
-                                 strict=True):  # fmt: skip
+    shifts = np.maximum(RELATIVE_TO_NONE, RELATIVE_TO_RIVAL / apart) / size
+    for name, unit, least in zip(normal.names, normal.units, shifts, strict=True):
         if name not in LIMITS:
             info = CATALOGUE[name]
             magnitude = max(float(least * unit), info.least_for(vehicle))

@@ -10,7 +10,7 @@ from drift_drake.car.effects.catalogue import CATALOGUE
 from drift_drake.car.log.table import UNITS
 from drift_drake.gap.identification.calibration import Identification, Parameter
 from drift_drake.gap.identification.held_out import HeldOut
-from drift_drake.view.pages.charts import NORMAL, Line, Panel, beside, finished, heat_map
+from drift_drake.view.pages.charts import NORMAL, Line, Panel, finished, heat_map, side_by_side
 from drift_drake.view.pages.page import Source, page_html
 from drift_drake.view.style import CARS
 
@@ -48,7 +48,7 @@ def error_chart(held: HeldOut) -> Markup:
             for name, values, colour in (("first guess", held.before, NORMAL), ("calibrated", held.after, ""))
         ]
         panels.append(Panel(f"{state} [{UNITS[state]}]", lines, 140, log=True))
-    return beside(panels, "ahead [s]", log_x=horizons[-1] > DECADE * horizons[0])
+    return side_by_side(panels, "ahead [s]", log_x=horizons[-1] > DECADE * horizons[0])
 
 
 def correlations(names: list[str], matrix: list[list[float]]) -> Markup:

@@ -19,9 +19,9 @@ from drift_drake.car.log.table import InvalidLogError, case_paths, read_case, re
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.common.executors import ExecutorConfig, results_of
 from drift_drake.gap.estimation.prior import TWO_SIDED
+from drift_drake.gap.monitoring.baseline_scores import block_sums
 from drift_drake.gap.monitoring.evidence import EvidenceProblem, Sums, no_sums, whitened
 from drift_drake.gap.monitoring.monitor import make_monitor
-from drift_drake.gap.monitoring.normal import block_sums
 from drift_drake.gap.monitoring.watch import WATCHED, monitor_of
 
 Folders = Mapping[tuple[str, str], Path]  # of cars and days

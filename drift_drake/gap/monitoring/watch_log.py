@@ -11,13 +11,13 @@ from drift_drake.car.given_vehicle import Vehicle, single_track_of, vehicle_give
 from drift_drake.car.log.table import InvalidLogError, Run, read_run
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.common.errors import InvalidOptionError
-from drift_drake.gap.monitoring.monitor import BLOCK, SPIN, Monitor
-from drift_drake.gap.monitoring.normal import (
-    NormalScores,
+from drift_drake.gap.monitoring.baseline_scores import (
+    BaselineScores,
+    baseline_scores_of,
     calibrated_monitor,
-    normal_scores_of,
-    read_normal_scores,
+    read_baseline_scores,
 )
+from drift_drake.gap.monitoring.monitor import BLOCK, SPIN, Monitor
 from drift_drake.gap.monitoring.watch import (
     Row,
     as_rows,
@@ -74,7 +74,7 @@ def watch(
 
     Raises:
         InvalidLogError: the log cannot be watched; InvalidVehicleError: of the vehicle;
-        InvalidNormalScoresError: of the calibration; InvalidOptionError: a run cannot be followed.
+        InvalidBaselineScoresError: of the calibration; InvalidOptionError: a run cannot be followed.
     """
     given, scores = vehicle_given(vehicle), None if calibration is None else _scores(calibration)
     car = single_track_of(given.parameters), given.effects
@@ -93,17 +93,17 @@ def watch(
     return WatchedDrive(events, judged, monitor)
 
 
-def _scores(calibration: Any) -> NormalScores:
+def _scores(calibration: Any) -> BaselineScores:
     if isinstance(calibration, str | Path):
-        return read_normal_scores(calibration)
+        return read_baseline_scores(calibration)
     found = getattr(calibration, "calibration", calibration)  # of an identification
-    return normal_scores_of({"watching": getattr(found, "watching", None)}, "the calibration")
+    return baseline_scores_of({"watching": getattr(found, "watching", None)}, "the calibration")
 
 
 def _rows(
     log: str | Path | Run,
     car: tuple[VehicleParameters, Effects],
-    scores: NormalScores | None,
+    scores: BaselineScores | None,
     follow: bool,
     idle: float,
 ) -> tuple[Monitor, Iterator[Row], str]:

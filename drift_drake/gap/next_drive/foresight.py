@@ -10,7 +10,7 @@ from drift_drake.car.effects.catalogue import CATALOGUE
 from drift_drake.car.effects.magnitudes import measured
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.car.road import NO_PUSH
-from drift_drake.car.single_track.motion_with_effects import settled_memory
+from drift_drake.car.single_track.motion_with_effects import settled_internal_states
 from drift_drake.common.errors import one_line
 from drift_drake.gap.diagnosis.answers.answer import Answer, InvalidAnswerError, UnplannableError
 from drift_drake.gap.diagnosis.likelihood.beliefs import Belief, Sensing, beliefs_from_data
@@ -128,7 +128,7 @@ def readings(vehicle: VehicleParameters, sensing: Sensing, truth: Belief, drive:
     states = np.zeros((rows, SIZE))
     states[0, [1, 3]], states[0, 4] = drive.speed, drive.heading
     dynamic = without_actuators(effects)
-    states[0, 7:] = settled_memory(*states[0, :4], delta[0], torque[0], constants, dynamic, drive.heading)[2:]
+    states[0, 7:] = settled_internal_states(*states[0, :4], delta[0], torque[0], constants, dynamic, drive.heading)[2:]
     y = np.zeros((rows, MEASURED))
     y[0, :4] = measured(*states[0, :4], effects)
     y[0, CHANNELS.index("psi")] = drive.heading

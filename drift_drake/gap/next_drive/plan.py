@@ -20,7 +20,7 @@ from drift_drake.car.effects.delays import command_delays, sensor_delay
 from drift_drake.car.effects.magnitudes import Effects, magnitudes_of
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.car.single_track.effects_step import BEYOND, EffectsStepModel
-from drift_drake.car.single_track.motion_with_effects import settled_memory
+from drift_drake.car.single_track.motion_with_effects import settled_internal_states
 from drift_drake.common.safe_files import write_table
 from drift_drake.drive.gathering.config import FEASIBLE, LaneDrive, bound_slip, problem_data
 from drift_drake.drive.mpc.discrimination import (
@@ -239,11 +239,11 @@ def solved_plans(
     bound_slip(problem, config)
     data = problem_data(config, lateral)
     start = data.x_init
-    memories = [
-        np.array(settled_memory(*s[:4], *data.u_init, c.constants, c.effects), dtype=float)
+    settled = [
+        np.array(settled_internal_states(*s[:4], *data.u_init, c.constants, c.effects), dtype=float)
         for c, s in ((own, start), (other, start * gain + bias))
     ]
-    data = data._replace(x_init=np.concatenate([start, *memories]))
+    data = data._replace(x_init=np.concatenate([start, *settled]))
     problem.set(data)
     options = SqpOptions(max_iterations=config.max_iterations, tolerance=1e-3, gauss_newton=True)
     solver = LineSearchSqp(problem, options)

@@ -66,12 +66,12 @@ def commonroad_data(parameters: VehicleParameters, effects: Effects) -> dict[str
     """The parameters by CommonRoad's names (Althoff and Wuersching 2020), constant effects put in."""
     p, shape = changed_constants(parameters.constants(), effects), CarShape.of(parameters)
     stiffness = (p.front_stiffness + p.rear_stiffness) / (p.mass * p.gravity)
-    push = parameters.torque_max * p.gear_ratio / p.wheel_radius / p.mass
+    thrust = parameters.torque_max * p.gear_ratio / p.wheel_radius / p.mass
     data = {
         "l": shape.length,
         "w": shape.width,
         "steering": {"min": -parameters.steering_limit, "max": parameters.steering_limit},
-        "longitudinal": {"a_max": min(push, p.friction * p.gravity)},
+        "longitudinal": {"a_max": min(thrust, p.friction * p.gravity)},
         "m": p.mass,
         "a": p.front_axle_distance,
         "b": p.rear_axle_distance,

@@ -83,7 +83,7 @@ def stacked(panels: Sequence[Panel], events: Mapping[str, float] | None = None) 
     return finished(figure, total)
 
 
-def beside(panels: Sequence[Panel], x_title: str, columns: int = 2, log_x: bool = False) -> Markup:
+def side_by_side(panels: Sequence[Panel], x_title: str, columns: int = 2, log_x: bool = False) -> Markup:
     """Small panels in rows of `columns`."""
     rows = -(-len(panels) // columns)
     height = sum(max(p.height for p in panels[i * columns : (i + 1) * columns]) for i in range(rows)) + 56 * (rows - 1)

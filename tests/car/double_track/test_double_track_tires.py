@@ -54,7 +54,7 @@ def test_combined_force_stays_within_the_friction_ellipse_and_brakes_the_contact
         assert -f_x * s_x + f_y * s_y <= 0.0
 
 
-def test_a_sliding_tyre_pushes_against_its_sliding_velocity():
+def test_a_sliding_tyre_acts_against_its_sliding_velocity():
     tire = TIRE._replace(longitudinal_friction=TIRE.lateral_friction)
     f_x, f_y = tire_force(1.5, 1.0, LOAD, tire)
     assert f_x / -f_y == pytest.approx(1.5, rel=0.02)

@@ -168,9 +168,9 @@ def test_a_plan_for_drifts_or_the_reference_tells_more_of_them(model: BayesianMo
     }
     for wanted in ("drifts", "reference"):
         cost = information_cost(model, belief, wanted)
-        told = {name: cost.information(drive.x[:-1], drive.u[:-1], drive.u[1:]) for name, drive in plans.items()}
-        assert plans[wanted].information == pytest.approx(told[wanted])
-        assert told[wanted] > 1.05 * max(told["eq8"], told["updated"])
+        reported = {name: cost.information(drive.x[:-1], drive.u[:-1], drive.u[1:]) for name, drive in plans.items()}
+        assert plans[wanted].information == pytest.approx(reported[wanted])
+        assert reported[wanted] > 1.05 * max(reported["eq8"], reported["updated"])
 
 
 def test_a_checkpoint_without_drifts_is_named(model: BayesianModel) -> None:

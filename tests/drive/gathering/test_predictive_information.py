@@ -46,10 +46,10 @@ def test_of_itself_a_sample_tells_less_than_all_it_tells(model: BayesianModel) -
     covariance[:16, :16] = model.prior().covariance[:16, :16]
     phi = features(model.network, z)[0, 0]
     s = phi @ covariance[:16, :16] @ phi
-    told = PredictiveInformation(model.network, covariance, np.ones(4), z, 1.0).information(x, u, u_next)
-    assert told == pytest.approx(0.5 * np.log((1.0 + s) ** 2 / (1.0 + 2.0 * s)), rel=1e-4)
+    reported = PredictiveInformation(model.network, covariance, np.ones(4), z, 1.0).information(x, u, u_next)
+    assert reported == pytest.approx(0.5 * np.log((1.0 + s) ** 2 / (1.0 + 2.0 * s)), rel=1e-4)
     information = StageInformation(model.network, covariance, 1.0).information(x, u, u_next)
-    assert told < information == pytest.approx(0.5 * np.log(1.0 + s), rel=1e-4)
+    assert reported < information == pytest.approx(0.5 * np.log(1.0 + s), rel=1e-4)
 
 
 def test_the_derivatives_are_exact(cost: PredictiveInformation) -> None:

@@ -18,7 +18,7 @@ from drift_drake.drive.learnt.posterior import mahalanobis, predict, update
 
 TICKS = 30
 TIMES = 0.1 * np.arange(TICKS + 1)
-DEAF_TO_NOTHING = 1e9
+NOTHING_REFUSED = 1e9
 OFFSET_TIME = 1.5
 PORTS = (("measured_state", slice(0, 7)), ("command", slice(7, 9)), ("lagged_command", slice(9, 11)))
 
@@ -41,7 +41,7 @@ def learner(random_model: BayesianModel, physical_network: Network) -> BayesianM
 @pytest.fixture(scope="module")
 def replay(learner: BayesianModel, record: PiecewisePolynomial) -> tuple[Diagram, BayesianAdapter]:
     builder = DiagramBuilder()
-    adapter = builder.AddSystem(BayesianAdapter(learner, threshold=DEAF_TO_NOTHING, offset_time=OFFSET_TIME))
+    adapter = builder.AddSystem(BayesianAdapter(learner, threshold=NOTHING_REFUSED, offset_time=OFFSET_TIME))
     for name, rows in PORTS:
         part = PiecewisePolynomial.FirstOrderHold(TIMES, record.vector_values(list(TIMES))[rows])
         source = builder.AddSystem(TrajectorySource(part))
@@ -177,7 +177,7 @@ def test_what_is_far_out_of_distribution_is_refused(random_model: BayesianModel,
 
 
 def test_a_car_that_became_another_one_is_learnt_anew(learner: BayesianModel, record: PiecewisePolynomial) -> None:
-    adapter = BayesianAdapter(learner, threshold=DEAF_TO_NOTHING)
+    adapter = BayesianAdapter(learner, threshold=NOTHING_REFUSED)
     context, trust = adapter.CreateDefaultContext(), [1.0, 1.0, 1.0, 0.0, 0.0]
     for k, trusted in enumerate(trust):
         now = record.value(TIMES[k])[:, 0]
@@ -190,7 +190,7 @@ def test_a_car_that_became_another_one_is_learnt_anew(learner: BayesianModel, re
     for k in (2, 3):  # the samples that end when it is first not trusted, and after
         now, then = record.value(TIMES[k])[:, 0], record.value(TIMES[k + 1])[:, 0]
         x, x_next = (np.concatenate([row[:6], row[9:11]]) for row in (now, then))
-        found = adapt(learner, posterior, x, now[7:9], then[7:9], x_next, DEAF_TO_NOTHING)
+        found = adapt(learner, posterior, x, now[7:9], then[7:9], x_next, NOTHING_REFUSED)
         assert found is not None
         posterior = found.posterior
     np.testing.assert_allclose(adapter.posterior(context).mean, posterior.mean, rtol=1e-7, atol=1e-10)
@@ -201,7 +201,7 @@ def test_a_bank_believes_the_lags_that_the_samples_are_likeliest_under(
 ) -> None:
     """Each pair of lags learns as an adapter of its own would; evidence is the sum of their densities."""
     lags = np.array([[0.05, 0.1], [0.2, 0.1], [0.02, 0.3]])
-    adapter = BayesianAdapter(learner, threshold=DEAF_TO_NOTHING, lags=lags)
+    adapter = BayesianAdapter(learner, threshold=NOTHING_REFUSED, lags=lags)
     context = adapter.CreateDefaultContext()
     np.testing.assert_array_equal(adapter.GetOutputPort("parameters").Eval(context)[68:], lags[0])
     generator = np.random.default_rng(2)
@@ -218,16 +218,16 @@ def test_a_bank_believes_the_lags_that_the_samples_are_likeliest_under(
         then = record.value(TIMES[k - 1])[:, 0]
         for i, lag in enumerate(lags):
             x = np.append(then[:6], lagged[k - 1][i])
-            found = adapt(learner.with_lag(lag), beliefs[i], x, then[7:9], now[7:9], now[:6], DEAF_TO_NOTHING)
+            found = adapt(learner.with_lag(lag), beliefs[i], x, then[7:9], now[7:9], now[:6], NOTHING_REFUSED)
             assert found is not None
             beliefs[i], evidence[i] = found.posterior, evidence[i] + found.density
     best = int(np.argmax(evidence))
     assert adapter.believed(context) == best
     np.testing.assert_allclose(adapter.posterior(context).mean, beliefs[best].mean, rtol=1e-9, atol=1e-12)
     np.testing.assert_array_equal(adapter.GetOutputPort("parameters").Eval(context)[68:], lags[best])
-    np.testing.assert_array_equal(adapter.GetOutputPort("memory").Eval(context), lagged[-1][best])
+    np.testing.assert_array_equal(adapter.GetOutputPort("internal_states").Eval(context), lagged[-1][best])
     assert adapter.HasDirectFeedthrough(
-        adapter.GetInputPort("lagged_command").get_index(), adapter.GetOutputPort("memory").get_index()
+        adapter.GetInputPort("lagged_command").get_index(), adapter.GetOutputPort("internal_states").get_index()
     )
     assert not any(
         adapter.HasDirectFeedthrough(i, adapter.GetOutputPort("parameters").get_index())
@@ -249,6 +249,6 @@ def test_a_bank_refuses_what_none_of_its_models_expects(learner: BayesianModel) 
     found = adapt_bank(models, [prior, prior], x, lagged, u, u, rows[1][:6], 8.0)
     assert found is not None
     for learnt, model, own in zip(found, models, lagged, strict=True):
-        alone = adapt(model, prior, np.append(x, own), u, u, rows[1][:6], DEAF_TO_NOTHING)
+        alone = adapt(model, prior, np.append(x, own), u, u, rows[1][:6], NOTHING_REFUSED)
         assert alone is not None
         np.testing.assert_array_equal(learnt.posterior.mean, alone.posterior.mean)

@@ -79,9 +79,9 @@ def test_a_checkpoint_of_before_the_states_were_coupled_predicts_as_it_did(
     for i in range(4):
         own = phi[:8, i]
         precision = factor[i] @ factor[i].T + PRECISION_FLOOR * np.eye(16)
-        told = precision + 0.3 * own.T @ own
-        mean = np.linalg.solve(told, precision @ model.prior_mean[i] + 0.3 * own.T @ y[:8, i])
-        for found, lam, theta in ((before, precision, model.prior_mean[i]), (learnt, told, mean)):
+        reported = precision + 0.3 * own.T @ own
+        mean = np.linalg.solve(reported, precision @ model.prior_mean[i] + 0.3 * own.T @ y[:8, i])
+        for found, lam, theta in ((before, precision, model.prior_mean[i]), (learnt, reported, mean)):
             np.testing.assert_allclose(found.mean[i], theta @ phi[8, i], rtol=1e-9)
             variance = model.sigma[i] ** 2 * (1.0 + phi[8, i] @ np.linalg.solve(lam, phi[8, i]))
             np.testing.assert_allclose(found.variance[i], variance, rtol=1e-9)

@@ -61,11 +61,11 @@ def test_the_evidence_is_that_of_the_samples_one_after_the_other(model: Bayesian
     samples = samples_of(*driven(model, LAG, 4), LAG)
     phi, y = regression_points(model, samples.x, samples.u, samples.u_next, samples.x_next)
     belief, ones, total = model.prior(), np.ones(4), 0.0
-    for features_now, told in zip(phi, y, strict=True):
+    for features_now, reported in zip(phi, y, strict=True):
         said = predict(belief, model.sigma, features_now)
-        error = told - said.mean
+        error = reported - said.mean
         total -= 0.5 * (error @ np.linalg.solve(said.covariance, error) + np.linalg.slogdet(said.covariance)[1])
-        belief = update(belief, model.sigma, features_now, told)
+        belief = update(belief, model.sigma, features_now, reported)
     total += len(y) * np.sum(np.log(model.sigma))  # which no features change
     after = update_all(model.prior(), model.sigma, phi, y)
     assert log_evidence(model.prior(), after, model.sigma, y, ones) == pytest.approx(total, rel=1e-6)

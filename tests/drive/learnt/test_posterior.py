@@ -198,16 +198,16 @@ def test_recursion_equals_batch_regression_after_thousands_of_updates(prior: Pos
 def test_samples_of_one_state_move_the_others_as_the_conditional_says(prior: Posterior, apart: Posterior) -> None:
     generator = np.random.default_rng(9)
     phi, y = correlated_features(6, generator), 0.5 * generator.normal(size=(6, 4))
-    told = 2
-    own = slice(16 * told, 16 * told + 16)
+    reported = 2
+    own = slice(16 * reported, 16 * reported + 16)
     weight = np.zeros(4)
-    weight[told] = 0.7
+    weight[reported] = 0.7
     mean, covariance = joint(prior)
     # The regression of the one state by itself, and the other states given its theta.
-    features = phi[:, told]
+    features = phi[:, reported]
     precision = np.linalg.inv(covariance[own, own])
-    own_covariance = np.linalg.inv(precision + 0.7 * features.T @ features / SIGMA[told] ** 2)
-    own_mean = own_covariance @ (precision @ mean[own] + 0.7 * features.T @ y[:, told] / SIGMA[told] ** 2)
+    own_covariance = np.linalg.inv(precision + 0.7 * features.T @ features / SIGMA[reported] ** 2)
+    own_mean = own_covariance @ (precision @ mean[own] + 0.7 * features.T @ y[:, reported] / SIGMA[reported] ** 2)
     slope = covariance[:, own] @ precision
     expected = mean + slope @ (own_mean - mean[own])
     narrowed = covariance - slope @ (covariance[own, own] - own_covariance) @ slope.T
@@ -219,7 +219,7 @@ def test_samples_of_one_state_move_the_others_as_the_conditional_says(prior: Pos
     moved = np.abs((recursive.mean - prior.mean) / SIGMA[:, None]).max(axis=1)
     assert (moved > 0.1).all()
     # What the other states measured is not heard, and without coupling they stay where they are.
-    others = np.arange(4) != told
+    others = np.arange(4) != reported
     shifted = y + 5.0 * others
     np.testing.assert_array_equal(update(prior, SIGMA, phi[0], shifted[0], weight).mean,
                                   update(prior, SIGMA, phi[0], y[0], weight).mean)  # fmt: skip

@@ -100,7 +100,7 @@ def test_windows_may_couple_the_states(config: TrainingConfig) -> None:
 
 
 @pytest.mark.parametrize("kind", ["config", "transfer"])
-def test_without_tyres_the_network_knows_lagged_commands_beside_the_papers_inputs(
+def test_without_tyres_the_network_knows_lagged_commands_and_the_papers_inputs(
     kind: str, request: pytest.FixtureRequest
 ) -> None:
     config = request.getfixturevalue(kind)

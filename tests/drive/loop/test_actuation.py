@@ -217,7 +217,7 @@ def test_a_plan_older_than_the_one_in_force_is_refused():
     assert run.read("plan_age") == pytest.approx([0.1])
 
 
-def test_the_plan_in_force_sent_again_changes_nothing_and_is_refused_beside_a_newer_one():
+def test_the_plan_in_force_sent_again_changes_nothing_and_is_refused_while_a_newer_one_is_in_force():
     changed = plan_at(0.0, np.add(COMMANDS, [0.01, 1.0]))
     run = Run([(0.0, plan_at(0.0)), (0.03, changed), (0.05, plan_at(0.08)), (0.06, changed)])
     assert run.at(0.02).command == pytest.approx(interpolate_plan(plan_at(0.0), 0.02, 0.1)[:2])

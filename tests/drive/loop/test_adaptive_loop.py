@@ -184,8 +184,8 @@ def test_a_steering_lag_is_learnt_while_driving() -> None:
     assert run.metrics().outcome == "completed"
     own = adapter.GetMyContextFromRoot(context)
     assert adapter.lags[adapter.believed(own)][0] == pytest.approx(0.2, abs=0.06)
-    memory = loop.controller.GetInputPort("memory").Eval(loop.controller.GetMyContextFromRoot(context))
-    np.testing.assert_array_equal(memory, adapter.GetOutputPort("memory").Eval(own))
+    internal = loop.controller.GetInputPort("internal_states").Eval(loop.controller.GetMyContextFromRoot(context))
+    np.testing.assert_array_equal(internal, adapter.GetOutputPort("internal_states").Eval(own))
 
 
 def test_the_lane_is_tightened_and_the_car_watched_under_the_lags_that_are_believed() -> None:

@@ -178,7 +178,7 @@ def test_main_draws_the_graph(tmp_path: Path, capsys: pytest.CaptureFixture[str]
 
 
 @pytest.mark.parametrize("seed", [1, 13, 21])
-def test_the_start_beside_the_reference_is_left_behind(
+def test_the_start_off_the_reference_is_left_behind(
     seed: int, short: Reference, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Seeds that spun within 2 s while real-time steps were shortened to a tenth at once."""

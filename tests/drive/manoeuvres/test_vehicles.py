@@ -4,7 +4,7 @@ import numpy as np
 
 from drift_drake.car.effects.catalogue import CATALOGUE
 from drift_drake.car.effects.magnitudes import Effects, make_effects
-from drift_drake.drive.manoeuvres.vehicles import EXTREME, POPULATIONS, TRAINING, WIDE, draw_effects
+from drift_drake.drive.manoeuvres.vehicles import EXTREME, OUT_OF_DISTRIBUTION, POPULATIONS, TRAINING, draw_effects
 
 
 def test_vehicles_are_reproducible_and_differ() -> None:
@@ -14,7 +14,7 @@ def test_vehicles_are_reproducible_and_differ() -> None:
 
 
 def test_magnitudes_lie_in_their_distributions_and_in_the_catalogue() -> None:
-    for population, stated in (("train", TRAINING), ("wide", WIDE)):
+    for population, stated in (("train", TRAINING), ("wide", OUT_OF_DISTRIBUTION)):
         effects = [draw_effects(population, i, 0) for i in range(300)]
         for name in CATALOGUE:
             values = np.array([getattr(q, name) for q in effects])
@@ -28,9 +28,13 @@ def test_magnitudes_lie_in_their_distributions_and_in_the_catalogue() -> None:
             assert values.std() > 0.15 * (d.high - d.low), name
 
 
-def test_the_wide_population_is_wider_and_has_effects_that_training_lacks() -> None:
-    assert set(TRAINING) < set(WIDE)
-    wider = [name for name, d in TRAINING.items() if WIDE[name].high - WIDE[name].low > d.high - d.low]
+def test_the_population_out_of_distribution_is_wider_and_has_effects_that_training_lacks() -> None:
+    assert set(TRAINING) < set(OUT_OF_DISTRIBUTION)
+    wider = [
+        name
+        for name, d in TRAINING.items()
+        if OUT_OF_DISTRIBUTION[name].high - OUT_OF_DISTRIBUTION[name].low > d.high - d.low
+    ]
     assert set(wider) == set(TRAINING)
 
 

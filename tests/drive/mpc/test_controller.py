@@ -64,17 +64,17 @@ def test_ports(controller: MpcController) -> None:
     assert np.isnan(plan(controller, controller.CreateDefaultContext())).all()
 
 
-def test_a_model_with_memory_or_theta_has_a_port_for_it(references: dict[str, Reference]) -> None:
+def test_a_model_with_internal_states_or_theta_has_a_port_for_it(references: dict[str, Reference]) -> None:
     model = EffectsStepModel(PARAMETERS, make_effects({"steering_lag": 0.05}))
     mpc = Mpc(model, PARAMETERS, references["figure_8"], 2)
     oracle = MpcController(mpc)
-    assert oracle.GetInputPort("memory").size() == 8
+    assert oracle.GetInputPort("internal_states").size() == 8
     adaptive = MpcController(mpc, theta_size=STATE_COUNT * FEATURE_COUNT)
     assert adaptive.GetInputPort("theta").size() == 64
     assert hasattr(BayesianStepModel, "with_theta")
     learnt = load_model()
     controller = MpcController(Mpc(step_model(learnt, learnt.prior()), PARAMETERS, references["figure_8"], 2))
-    assert controller.GetInputPort("memory").size() == 2
+    assert controller.GetInputPort("internal_states").size() == 2
     assert controller.GetOutputPort("prediction").size() == 3 * 8
 
 
@@ -85,7 +85,7 @@ def test_a_learnt_plan_starts_from_the_lagged_commands(references: dict[str, Ref
     controller = MpcController(Mpc(model, PARAMETERS, reference, HORIZON, initial_command=(command[0], command[1])))
     context = controller.CreateDefaultContext()
     lagged = command - np.array([0.05, 20.0])
-    controller.GetInputPort("memory").FixValue(context, lagged)
+    controller.GetInputPort("internal_states").FixValue(context, lagged)
     tick(controller, context, 0.0, measured(controller))
     assert statistics(controller, context).failed == 0.0
     prediction = controller.GetOutputPort("prediction").Eval(context).reshape(HORIZON + 1, 8)

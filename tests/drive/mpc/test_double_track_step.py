@@ -1,4 +1,4 @@
-"""The oracle of the double-track car: its step is the plant's motion, its memory that car's own states."""
+"""The oracle of the double-track car: its step is the plant's motion, its internal states that car's own states."""
 
 import dataclasses
 
@@ -16,7 +16,7 @@ from drift_drake.car.double_track.step_model import OWN_SCALE, DoubleTrackStepMo
 from drift_drake.car.double_track.stepping import SIZE
 from drift_drake.car.effects.magnitudes import Effects
 from drift_drake.car.parameters import InvalidVehicleError, VehicleParameters
-from drift_drake.car.single_track.effects_step import MemoryObserver
+from drift_drake.car.single_track.effects_step import InternalStateObserver
 from drift_drake.car.step_model import STATE_SCALE, STEP, NominalStepModel, StepModel, block_scale
 from drift_drake.drive.loop.closed_loop import ClosedLoop, ControlConfig
 from drift_drake.drive.loop.metrics import RunMetrics
@@ -109,7 +109,7 @@ def test_the_observer_finds_the_cars_own_states(effects: Effects) -> None:
     plant = DoubleTrackPlant(CARS["coupe"], effects)
     builder, source = on_a_ramp(plant, u, u_next, duration)
     observer = model.observer(0.01)
-    assert isinstance(observer, MemoryObserver)
+    assert isinstance(observer, InternalStateObserver)
     builder.AddSystem(observer)
     measured = builder.AddSystem(Multiplexer([6, 1]))
     for i, name in enumerate(("state", "path_position")):
@@ -120,14 +120,14 @@ def test_the_observer_finds_the_cars_own_states(effects: Effects) -> None:
     context = diagram.CreateDefaultContext()
     start = np.concatenate([[0.1, 12.0, -0.02, 12.3], np.zeros(6), model.settled(np.array([0.5, 12, -0.1, 14]), u)])
     plant.GetMyMutableContextFromRoot(context).SetContinuousState(start)
-    memory = observer.get_output_port().Eval(observer.GetMyContextFromRoot(context))
-    assert np.abs((memory - start[10:]) / OWN_SCALE).max() > 0.1
+    internal = observer.get_output_port().Eval(observer.GetMyContextFromRoot(context))
+    assert np.abs((internal - start[10:]) / OWN_SCALE).max() > 0.1
     integrated(diagram, context, duration)
-    memory = observer.get_output_port().Eval(observer.GetMyContextFromRoot(context))
+    internal = observer.get_output_port().Eval(observer.GetMyContextFromRoot(context))
     end = plant.GetMyContextFromRoot(context).get_continuous_state_vector().CopyToVector()
     at_once = model.follows_at_once()  # what the car does not have
     assert at_once.sum() == (2 if effects == Effects() else 0)
-    np.testing.assert_allclose(((memory - end[10:]) / OWN_SCALE)[~at_once], 0.0, atol=2e-3)
+    np.testing.assert_allclose(((internal - end[10:]) / OWN_SCALE)[~at_once], 0.0, atol=2e-3)
 
 
 def test_magnitudes_are_taken_over() -> None:

@@ -224,15 +224,15 @@ def test_the_optimality_conditions_hold() -> None:
         assert found.solved
         hessian, gradient, jacobian = dense(problem)
         z, rows = flat(found.x, found.u, found.slack), linear_rows(problem)
-        room = rows[STATES + 2 :] @ z - problem.rows.bound
+        margin = rows[STATES + 2 :] @ z - problem.rows.bound
         multipliers = np.concatenate([found.costate[0], found.multipliers])
         largest = max(1.0, np.abs(multipliers).max(), np.abs(found.costate).max())
         stationary = hessian @ z + gradient + jacobian.T @ found.costate[1:, :STATES].ravel() - rows.T @ multipliers
         np.testing.assert_allclose(stationary / largest, 0.0, atol=1e-8)
         np.testing.assert_allclose(jacobian @ z, problem.target.ravel(), atol=1e-8)
-        assert room.min() > -1e-8
+        assert margin.min() > -1e-8
         assert found.multipliers.min() >= 0.0
-        assert np.mean(found.multipliers * room) < 1e-8
+        assert np.mean(found.multipliers * margin) < 1e-8
 
 
 def test_every_problem_is_solved_in_few_iterations() -> None:

@@ -62,7 +62,7 @@ def test_products_by_stages_are_those_of_the_whole_matrices(references: dict[str
 
 
 @pytest.mark.parametrize("beside", [False, True])
-def test_an_iterates_numbers_are_those_of_the_program(references: dict[str, Reference], beside: bool) -> None:
+def test_an_iterates_numbers_are_those_of_the_program(references: dict[str, Reference], with_extra: bool) -> None:
     vehicle, rng = VehicleParameters(), np.random.default_rng(5)
     problem = OptimalControlProblem(NominalStepModel(vehicle), vehicle, HORIZON)
     data = ocp_data(references["figure_8"], 20.0, HORIZON)
@@ -70,11 +70,11 @@ def test_an_iterates_numbers_are_those_of_the_program(references: dict[str, Refe
     stages, linear = problem.stages, problem.stages.gradient
     z = problem.first_guess(data) + 0.1 * rng.normal(size=problem.size)
     residual, f = problem.dynamics.linearize(z)
-    y, extra = rng.normal(size=stages.multiplier_count), rng.normal(size=z.size * beside)
+    y, extra = rng.normal(size=stages.multiplier_count), rng.normal(size=z.size * with_extra)
     found = iterate(stages, extra, residual, f, z, y)
     bent = dense_hessian(problem) @ z
     np.testing.assert_allclose(found.quadratic_gradient, bent + linear, **TOLERANCE)
-    np.testing.assert_allclose(found.gradient, bent + linear + (extra if beside else 0.0), **TOLERANCE)
+    np.testing.assert_allclose(found.gradient, bent + linear + (extra if with_extra else 0.0), **TOLERANCE)
     assert found.cost == pytest.approx(stages.constant + 0.5 * z @ bent + linear @ z, rel=1e-12)
     assert (found.violation, found.primal) == violations(residual, stages, z)
     dual = dual_residual(found.gradient, stages, f, y)

@@ -50,21 +50,21 @@ def test_a_qp_known_to_be_feasible_is_not_called_infeasible() -> None:
 
 def test_ctrl_c_during_a_qp_is_not_osqps(monkeypatch: pytest.MonkeyPatch) -> None:
     """It would take it for itself, say so, and leave the QP unsolved."""
-    told, solve = [], osqp.OSQP.solve
+    reported, solve = [], osqp.OSQP.solve
 
     def solving(self: osqp.OSQP, **options: Any) -> Any:
         signal.raise_signal(signal.SIGINT)
         result = solve(self, **options)
-        told.append(result.info.status)
+        reported.append(result.info.status)
         return result
 
     monkeypatch.setattr(osqp.OSQP, "solve", solving)
-    before = signal.signal(signal.SIGINT, lambda *_: told.append("Ctrl-C"))
+    before = signal.signal(signal.SIGINT, lambda *_: reported.append("Ctrl-C"))
     try:
         far_away(feasible=True)
     finally:
         signal.signal(signal.SIGINT, before)
-    assert told == ["maximum iterations reached", "Ctrl-C"]
+    assert reported == ["maximum iterations reached", "Ctrl-C"]
 
 
 OPTIONS = QpOptions("stagewise", 1e-4, 1, polish=False, rho=1.0, feasible=True, interior_tolerance=1e-7)

@@ -9,7 +9,7 @@ from drift_drake.car.effects.magnitudes import Effects, make_effects
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.car.single_track.effects_step import STATE_SIZE, EffectsStepModel
 from drift_drake.car.single_track.motion import derivatives
-from drift_drake.car.single_track.motion_with_effects import settled_memory
+from drift_drake.car.single_track.motion_with_effects import settled_internal_states
 from drift_drake.car.step_model import NominalStepModel, StepModel
 
 Array = NDArray[np.float64]
@@ -54,19 +54,19 @@ def test_nominal_jacobians() -> None:
     check_jacobians(NominalStepModel(PARAMETERS), X)
 
 
-def with_memory(effects: Effects) -> Array:
+def with_internal_states(effects: Effects) -> Array:
     constants = PARAMETERS.constants()
-    memory = [settled_memory(*x[:4], *u, constants, effects) for x, u in zip(X, U, strict=True)]
-    return np.concatenate([X, np.array(memory, dtype=float)], axis=1)
+    internal = [settled_internal_states(*x[:4], *u, constants, effects) for x, u in zip(X, U, strict=True)]
+    return np.concatenate([X, np.array(internal, dtype=float)], axis=1)
 
 
 @pytest.mark.parametrize("exact", [True, False])
-def test_effects_jacobians_and_carry_of_the_memory(exact: bool) -> None:
+def test_effects_jacobians_and_carry_of_internal_states(exact: bool) -> None:
     effects = make_effects({
         "friction_level": -0.1, "steering_lag": 0.06, "torque_lag": 0.15, "tyre_relaxation": 0.4, "aero_drag": 1.0,
         "longitudinal_load_transfer": 0.45, "tyre_thermal_fade": 0.2})  # fmt: skip
     model = EffectsStepModel(PARAMETERS, effects, exact)
-    x = with_memory(effects)
+    x = with_internal_states(effects)
     assert x.shape[1] == STATE_SIZE
     check_jacobians(model, x, 1e-6 if exact else 1e-5)
     # A ramp of 0.1 s seen through a lag of T: the road wheel ends T (1 - exp(-0.1 / T)) of the slope behind.
@@ -77,7 +77,7 @@ def test_effects_jacobians_and_carry_of_the_memory(exact: bool) -> None:
 
 def test_effects_that_are_off_leave_the_nominal_step() -> None:
     effects = Effects()
-    with_effects = EffectsStepModel(PARAMETERS, effects).step(with_memory(effects), U, U_NEXT, CURVATURE)
+    with_effects = EffectsStepModel(PARAMETERS, effects).step(with_internal_states(effects), U, U_NEXT, CURVATURE)
     nominal = NominalStepModel(PARAMETERS).step(X, U, U_NEXT, CURVATURE)
     np.testing.assert_allclose(with_effects[:, :6], nominal, rtol=0, atol=1e-12)
 
@@ -108,6 +108,8 @@ def test_a_lag_of_half_a_millisecond_is_next_to_none(name: str) -> None:
     models = [EffectsStepModel(PARAMETERS, make_effects({name: lag, "aero_drag": 0.5})) for lag in (5e-4, 0.0)]
     ends = []
     for model in models:
-        memory = [settled_memory(*x[:4], *u, model.constants, model.effects) for x, u in zip(X, U, strict=True)]
-        ends.append(model.step(np.concatenate([X, np.array(memory)], axis=1), U, U_NEXT, CURVATURE)[:, :6])
+        internal = [
+            settled_internal_states(*x[:4], *u, model.constants, model.effects) for x, u in zip(X, U, strict=True)
+        ]
+        ends.append(model.step(np.concatenate([X, np.array(internal)], axis=1), U, U_NEXT, CURVATURE)[:, :6])
     np.testing.assert_allclose(ends[0], ends[1], rtol=0, atol=0.02)

@@ -243,7 +243,7 @@ def test_what_no_controller_can_make_up_for_is_named() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("name", "size"), [("sensor_latency", 0.05), ("gyro_bias", 0.03), ("sideslip_bias", 0.03)])
-def test_of_one_thing_more_the_right_one_is_identified(model: BayesianModel, name: str, size: float) -> None:
+def test_of_one_additional_fault_the_right_one_is_identified(model: BayesianModel, name: str, size: float) -> None:
     car, choice = _asked(_driven(model, make_effects({name: size, "steering_lag": 0.05, "torque_lag": 0.1})))
     assert car is not None
     assert getattr(car.effects, name) == pytest.approx(size, rel=0.1)

@@ -4,7 +4,7 @@ import dataclasses
 
 import pytest
 
-from drift_drake.gap.diagnosis.calibrated.diagnose_day import diagnose_day, search_of
+from drift_drake.gap.diagnosis.calibrated.diagnose_change import diagnose_change, search_of
 from drift_drake.gap.estimation.usable import usable
 
 CONSIDERED = (
@@ -23,7 +23,7 @@ def diagnosed(other_car):
 
     def diagnosis(runs, case="day", catalogue=CONSIDERED):
         car = other_car.found
-        return diagnose_day(runs, car.vehicle, other_car.normal, car.effects, case, 1, catalogue=catalogue)
+        return diagnose_change(runs, car.vehicle, other_car.normal, car.effects, case, 1, catalogue=catalogue)
 
     return diagnosis
 

@@ -79,7 +79,7 @@ def test_what_is_known_of_a_car_is_the_posterior_of_a_linear_regression():
 
 
 @pytest.mark.usefixtures("plain")
-def test_another_day_without_a_change_lies_as_far_off_as_is_said():
+def test_a_new_day_without_a_change_lies_as_far_off_as_is_said():
     rng, distances = np.random.default_rng(1), []
     for _ in range(300):
         deviation = 0.5 * rng.normal(size=SIZE)

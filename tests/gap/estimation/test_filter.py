@@ -37,7 +37,7 @@ def test_innovations_are_white_where_the_model_is_right(true_model):
         assert abs(lag_one) < 4.0 / np.sqrt(count)
 
 
-def test_a_wrong_model_is_told_from_the_right_one(true_model):
+def test_a_wrong_model_is_distinguished_from_the_right_one(true_model):
     problem, theta, gains = true_model
     nominal = filter_case(problem, theta[:-1] * 0.0, ())
     right, wrong = (np.mean(flat(problem, g.innovations) ** 2) for g in (gains, nominal))

@@ -14,21 +14,21 @@ from experiments.benchmarks.truths import Truth
 
 
 @pytest.mark.parametrize("kind", ["pulses", "functions"])
-def test_nothing_is_left_beside_the_right_hypothesis(stiffness_case, kind):
+def test_nothing_is_left_over_with_the_right_hypothesis(stiffness_case, kind):
     problem = make_problem(stiffness_case[1], VehicleParameters())
     names = ("rear_stiffness_error",)
     right = fit(problem, names, np.append(np.zeros(problem.nuisances), stiffness_case[0].effects[names[0]]))
     assert misfit(problem, right, kind).gain < 5.0
 
 
-def test_a_crosswind_is_left_beside_the_nominal_car():
+def test_a_crosswind_is_left_over_with_the_nominal_car():
     runs = make_case(Truth({}, {"crosswind": 500.0}), VehicleParameters(), np.random.default_rng(4), 2.0)
     problem = make_problem(runs, VehicleParameters())
     nothing = fit(problem, (), np.zeros(problem.nuisances))
     assert misfit(problem, nothing, "pulses").gain > 50.0
 
 
-def test_a_push_is_rolled_out_from_where_it_begins_as_from_the_first_row(stiffness_case):
+def test_a_force_is_rolled_out_from_where_it_begins_as_from_the_first_row(stiffness_case):
     problem = make_problem(stiffness_case[1], VehicleParameters())
     theta = np.zeros(problem.nuisances)
     nominal, gains = SimpleNamespace(names=(), theta=theta), filter_case(problem, theta, ())

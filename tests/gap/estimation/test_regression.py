@@ -19,13 +19,13 @@ CHANNELS = np.array([0, 0, 1, 1, 2, 4])
 def runs(shared):
     """Three runs; each also has two own parameters of its own."""
     rng = np.random.default_rng(0)
-    push = rng.normal(size=CHANNELS.size)
+    force = rng.normal(size=CHANNELS.size)
     out = []
     for i, rows in enumerate((60, 40, 50)):
         columns = np.array([*range(SHARED), SHARED + 2 * i, SHARED + 2 * i + 1])
         d, j = rng.normal(size=(rows, CHANNELS.size)), rng.normal(size=(rows, columns.size))
-        push = push if shared else rng.normal(size=CHANNELS.size)
-        out.append(Responses(d, CHANNELS, j, columns, rng.normal(size=rows) + 3.0 * d @ push))
+        force = force if shared else rng.normal(size=CHANNELS.size)
+        out.append(Responses(d, CHANNELS, j, columns, rng.normal(size=rows) + 3.0 * d @ force))
     return out
 
 

@@ -50,7 +50,7 @@ def test_clipped_errors_are_no_larger_than_the_clip():
     np.testing.assert_array_equal(huber_weights(small, scales), 1.0)
 
 
-def test_what_is_normal_survives_json(other_car):
+def test_the_baseline_survives_json(other_car):
     normal = other_car.normal
     again = normal_from_data(json.loads(json.dumps(normal.as_data())))
     assert again.names == normal.names

@@ -6,7 +6,11 @@ import pytest
 from drift_drake.car.effects.catalogue import CATALOGUE
 from drift_drake.car.effects.magnitudes import make_effects
 from drift_drake.car.parameters import VehicleParameters
-from drift_drake.car.single_track.motion_with_effects import changed_constants, motion_with_effects, settled_memory
+from drift_drake.car.single_track.motion_with_effects import (
+    changed_constants,
+    motion_with_effects,
+    settled_internal_states,
+)
 from drift_drake.gap.estimation.unknowns import BROAD, CAUTION, OWN, added, folded, magnitudes, unknown
 
 CAR = VehicleParameters()
@@ -56,8 +60,10 @@ def test_folded_is_the_same_car():
     assert vehicle.tolerance == CAR.tolerance
     state = (0.6, 14.0, -0.15, 15.0)
     cars = [(CAR.constants(), effects), (vehicle.constants(), rest)]
-    memories = [settled_memory(*state, 0.05, 80.0, *car) for car in cars]
-    np.testing.assert_allclose(memories[1], memories[0], rtol=1e-12, atol=1e-12)
-    one, two = (motion_with_effects(*state, 0.3, m, 0.05, 80.0, *car) for m, car in zip(memories, cars, strict=True))
+    internal_count = [settled_internal_states(*state, 0.05, 80.0, *car) for car in cars]
+    np.testing.assert_allclose(internal_count[1], internal_count[0], rtol=1e-12, atol=1e-12)
+    one, two = (
+        motion_with_effects(*state, 0.3, m, 0.05, 80.0, *car) for m, car in zip(internal_count, cars, strict=True)
+    )
     np.testing.assert_allclose(two[0], one[0], rtol=1e-12)
     np.testing.assert_allclose(two[1], one[1], rtol=1e-9, atol=1e-12)

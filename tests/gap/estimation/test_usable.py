@@ -55,7 +55,7 @@ def test_what_is_admitted_is_usable_and_not_suspect():
     assert admitted.warnings == [doubt.sentence for doubt in doubts] + warnings
 
 
-def test_spins_and_standstill_are_cut_and_told_with_their_times():
+def test_spins_and_standstill_are_cut_and_reported_with_their_times():
     run = changed(changed(gentle(), "beta", 400, 500, 1.5), "v", 900, 950, 0.5)
     kept, warnings = usable([run], CAR)
     assert [(part.name, len(part)) for part in kept] == [("run_0_0", 400), ("run_0_1", 400), ("run_0_2", 250)]
@@ -121,7 +121,7 @@ def test_too_slow_is_refused_with_the_speed_that_would_be_enough():
     assert len(usable([slow], SMALL)[0]) == 1
 
 
-def test_short_bursts_between_reversing_are_used_and_told_in_one_line():
+def test_short_bursts_between_reversing_are_used_and_reported_in_one_line():
     """Random driving of a 1:5 car: a second forwards, a second backwards, and so on."""
     small = CAR.replace(front_axle_distance=0.18, rear_axle_distance=0.18, mass=10.0)
     runs = []

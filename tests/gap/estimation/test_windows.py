@@ -89,7 +89,7 @@ def test_predictions_are_the_nominal_equations_integrated(inertia):
         {"tyre_thermal_fade": 0.4, "sliding_friction_drop": 0.1},
     ],
 )
-def test_memory_is_carried_as_in_a_simulation_of_the_whole_run(effects):
+def test_internal_states_are_carried_as_in_a_simulation_of_the_whole_run(effects):
     run, p = exact(slalom(effects)), CAR.constants()
     without, with_it = (np.abs(run_errors(run, p, make_effects(q))).max(axis=(0, 1)) for q in ({}, effects))
     worst = int(np.argmax(without / np.array([1.0, 10.0, 0.3, 10.0, 1.0])))

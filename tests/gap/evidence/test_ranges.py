@@ -6,8 +6,8 @@ from scipy.stats import norm
 
 from drift_drake.car.parameters import Tolerance, VehicleParameters
 from drift_drake.gap.evidence.ranges import (
-    BESIDE_NONE,
-    BESIDE_RIVAL,
+    RELATIVE_TO_NONE,
+    RELATIVE_TO_RIVAL,
     Range,
     at_end,
     clipped,
@@ -22,8 +22,8 @@ UNSIGNED = Range(0.1, 1.5, 0.1, (0.2, 1.0))
 
 def test_a_shift_is_named_in_19_of_20_days():
     """A log evidence ratio that is d^2 / 2 in the mean scatters by d; a cause pays 5.5 nats, a rival nothing."""
-    assert norm.sf(5.5, 0.5 * BESIDE_NONE**2, BESIDE_NONE) == pytest.approx(0.95, abs=1e-4)
-    assert norm.sf(0.0, 0.5 * BESIDE_RIVAL**2, BESIDE_RIVAL) == pytest.approx(0.95, abs=1e-4)
+    assert norm.sf(5.5, 0.5 * RELATIVE_TO_NONE**2, RELATIVE_TO_NONE) == pytest.approx(0.95, abs=1e-4)
+    assert norm.sf(0.0, 0.5 * RELATIVE_TO_RIVAL**2, RELATIVE_TO_RIVAL) == pytest.approx(0.95, abs=1e-4)
 
 
 def test_the_range_is_one_and_a_half_times_the_practical_one():

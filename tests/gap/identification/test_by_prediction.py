@@ -95,7 +95,7 @@ def test_a_bias_of_a_sensor_is_hardly_believed_on_the_day_of_calibration(other_c
     assert prior_of("mass_error", other_car.guess, frozenset({"mass"})) == pytest.approx(0.02)
 
 
-def test_what_recordings_disagree_about_is_told_in_the_vehicle_files_names(other_car, monkeypatch):
+def test_what_recordings_disagree_about_is_reported_in_the_vehicle_files_names(other_car, monkeypatch):
     def apart(pulled, left):
         every = np.ones(len(left), dtype=bool)
         return Agreement(100.0 * left, every, np.argmax(np.abs(pulled), axis=0))

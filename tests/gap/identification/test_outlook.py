@@ -5,7 +5,7 @@ import pytest
 
 from drift_drake.car.effects.catalogue import CATALOGUE, LIMITS
 from drift_drake.car.parameters import VehicleParameters
-from drift_drake.gap.evidence.ranges import BESIDE_NONE, BESIDE_RIVAL
+from drift_drake.gap.evidence.ranges import RELATIVE_TO_NONE, RELATIVE_TO_RIVAL
 from drift_drake.gap.identification.outlook import gains, limits, never, outlook, sentences, unknown_after
 
 
@@ -18,8 +18,8 @@ class Two:
 
 def test_a_limit_is_where_the_shift_is_far_enough_from_none():
     found = limits(np.diag([10.0, 7.5]), np.diag([25.0, 16.0]), Two, VehicleParameters())
-    assert found["mass_error"] == pytest.approx(BESIDE_NONE / 2.0 * 0.05)
-    assert found["gyro_bias"] == pytest.approx(BESIDE_NONE / 1.875 * 0.01)
+    assert found["mass_error"] == pytest.approx(RELATIVE_TO_NONE / 2.0 * 0.05)
+    assert found["gyro_bias"] == pytest.approx(RELATIVE_TO_NONE / 1.875 * 0.01)
     least = limits(np.diag([1e4, 1e4]), np.eye(2), Two, VehicleParameters())
     assert least["mass_error"] == CATALOGUE["mass_error"].least_for(VehicleParameters())  # no gap below it
 
@@ -28,8 +28,8 @@ def test_effects_that_look_alike_have_larger_limits_and_the_same_none():
     cosine = 0.9
     information = 2.0 * np.array([[1.0, cosine], [0.0, np.sqrt(1.0 - cosine**2)]])
     found = limits(information, np.eye(2), Two, VehicleParameters())
-    apart = BESIDE_RIVAL / np.sqrt(1.0 - cosine**2)
-    assert apart > BESIDE_NONE
+    apart = RELATIVE_TO_RIVAL / np.sqrt(1.0 - cosine**2)
+    assert apart > RELATIVE_TO_NONE
     assert found["gyro_bias"] == pytest.approx(apart / 2.0 * 0.01)
     same = limits(np.array([[10.0, 10.0], [0.0, 0.0]]), np.eye(2), Two, VehicleParameters())
     assert never({name: [q] * 3 for name, q in same.items()}) == ["mass_error", "gyro_bias"]
@@ -58,19 +58,19 @@ def test_more_recordings_bring_lower_limits(other_car):
     runs = [windowed(run, stride=normal.stride) for run in other_car.runs]
     names, steps = normal.names, normal.units
     day = make_day(runs, found.vehicle.constants(), found.effects, names, steps, normal)
-    told = outlook(day, normal, np.full(len(names), 4.0), other_car.guess)
-    assert set(told) == set(names) - LIMITS
-    for now, twice, four in told.values():
+    reported = outlook(day, normal, np.full(len(names), 4.0), other_car.guess)
+    assert set(reported) == set(names) - LIMITS
+    for now, twice, four in reported.values():
         assert four is not None or twice is None
         assert twice is None or now is None or four <= twice * (1.0 + 1e-9) <= now * (1.0 + 2e-9)
 
 
 def test_what_is_gained_is_said():
-    told = {"mass_error": [0.1, 0.07, 0.05], "gyro_bias": [0.02, 0.0199, 0.019], "cg_shift": [None, 0.1, 0.08],
+    reported = {"mass_error": [0.1, 0.07, 0.05], "gyro_bias": [0.02, 0.0199, 0.019], "cg_shift": [None, 0.1, 0.08],
             "aero_drag": [None, None, None]}  # fmt: skip
-    assert gains(told) == ["cg_shift", "mass_error"]
-    (sentence,) = sentences(told, 4)
+    assert gains(reported) == ["cg_shift", "mass_error"]
+    (sentence,) = sentences(reported, 4)
     assert sentence.startswith("4 more recordings like these would let a diagnosis of a later log name cg_shift from")
     assert "mass_error from 0.07 on (0.1 now)" in sentence
-    assert sentences({"gyro_bias": told["gyro_bias"]}, 1) == []
-    assert never(told) == ["aero_drag"]
+    assert sentences({"gyro_bias": reported["gyro_bias"]}, 1) == []
+    assert never(reported) == ["aero_drag"]

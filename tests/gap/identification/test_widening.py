@@ -9,7 +9,7 @@ from scipy.signal import lfilter
 from drift_drake.car.log.table import Run
 from drift_drake.gap.estimation.fit import Derivatives
 from drift_drake.gap.estimation.run_data import prepare_run
-from drift_drake.gap.identification.everyday_misfit import widening
+from drift_drake.gap.identification.model_discrepancy import widening
 
 ROWS = 3000
 
@@ -30,8 +30,8 @@ def test_what_a_prior_alone_holds_is_not_widened():
     jacobian = np.column_stack([np.ones(2 * ROWS), np.full(2 * ROWS, 1e-4)])
     jacobian[::2, 1] *= -1.0
     covariance = np.linalg.inv(jacobian.T @ jacobian + np.diag([0.0, 1.0]))
-    told, held = widening([run_of(ROWS)], of_one_run(jacobian), e.ravel(), covariance)
-    assert told > 2.0
+    reported, held = widening([run_of(ROWS)], of_one_run(jacobian), e.ravel(), covariance)
+    assert reported > 2.0
     assert held == pytest.approx(1.0, abs=0.01)
 
 

@@ -205,7 +205,7 @@ PLAIN = {
         ("time", 1.0, "a reading was left out of 'time': a time out of order (1)"),
     ],
 )
-def test_one_bad_row_is_cut_out_and_told(tmp_path, column, value, said):
+def test_one_bad_row_is_cut_out_and_reported(tmp_path, column, value, said):
     table = plain(lambda _: {})
     good = table.copy()
     table[column] = table[column].astype(object)
@@ -217,7 +217,7 @@ def test_one_bad_row_is_cut_out_and_told(tmp_path, column, value, said):
     np.testing.assert_allclose(run.v, good["v"], atol=1e-3)
 
 
-def test_reversing_is_cut_and_told_and_a_spin_is_not(tmp_path):
+def test_reversing_is_cut_and_reported_and_a_spin_is_not(tmp_path):
     def backwards(t):
         return {"v": 10.0 * np.cos(0.6 * t), "r": 0.0 * t, "delta_cmd": 0.001 * np.sin(t)}
 

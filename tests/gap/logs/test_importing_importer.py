@@ -232,7 +232,7 @@ def test_a_part_of_a_recording(tmp_path):
         import_recordings([tmp_path / "drive.csv"], mapping_from_dict(PLAIN), start=30.0)
 
 
-def test_recordings_of_the_same_name_are_told_apart(tmp_path):
+def test_recordings_of_the_same_name_are_kept_apart(tmp_path):
     for folder, start in (("monday", 0), ("tuesday", 200)):
         (tmp_path / folder).mkdir()
         plain_table().iloc[start : start + 2000].to_csv(tmp_path / folder / "drive.csv", index=False)

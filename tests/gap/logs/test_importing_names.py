@@ -82,7 +82,7 @@ def test_a_topic_of_something_else_is_named_and_not_taken():
     assert fit("r", "yaw_rate", topic="/engine_bus")[0] < LIMIT
 
 
-def test_the_steering_wheel_is_told_from_the_road_wheel():
+def test_the_steering_wheel_is_distinguished_from_the_road_wheel():
     assert all(map(is_handwheel, ["steering_wheel", "Lenkradwinkel", "angle volant", "SWA", "SteeringWheelAngle"]))
     assert not any(map(is_handwheel, ["road_wheel", "steering_angle", "roadwheel_steer", "delta"]))
 
@@ -111,7 +111,7 @@ def test_a_dead_column_is_not_taken_where_another_moves():
 @pytest.mark.parametrize("speed", ["m/s", "km/h", "mph", "kn"])
 @pytest.mark.parametrize("rate", ["rad/s", "deg/s"])
 @pytest.mark.parametrize("acceleration", ["m/s^2", "g"])
-def test_units_that_nothing_states_are_told_by_the_motion(speed, rate, acceleration):
+def test_units_that_nothing_states_are_recognised_by_the_motion(speed, rate, acceleration):
     exact = rows(noise=0.3)
     content, _, notes = guessed_mapping(
         [table(yaw_rate=exact["r"] / factor(rate), speed=exact["v"] / factor(speed), steering=exact["delta_cmd"],
@@ -123,7 +123,7 @@ def test_units_that_nothing_states_are_told_by_the_motion(speed, rate, accelerat
     assert all(any(f"in {unit}" in note for note in notes) for unit in changed)
 
 
-def test_degrees_of_steering_and_a_wheel_s_turning_are_told_by_the_motion():
+def test_degrees_of_steering_and_a_wheel_s_turning_are_recognised_by_the_motion():
     exact = rows()
     content, _, _ = guessed_mapping(
         [table(yaw_rate=exact["r"], speed=exact["v"], steering=np.degrees(exact["delta_cmd"]),
@@ -134,7 +134,7 @@ def test_degrees_of_steering_and_a_wheel_s_turning_are_told_by_the_motion():
     assert content["signals"]["omega_r"]["radius"] == pytest.approx(0.31, rel=0.05)
 
 
-def test_a_compass_heading_is_told_by_its_turning():
+def test_a_compass_heading_is_recognised_by_its_turning():
     exact = rows()
     columns = {"yaw_rate": exact["r"], "speed": exact["v"], "heading": np.degrees(-exact["psi"]) % 360.0}
     content, _, _ = guessed_mapping([table(**columns)])

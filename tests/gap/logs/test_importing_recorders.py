@@ -285,7 +285,7 @@ def test_a_format_that_is_not_read_is_refused_by_its_name(tmp_path, name):
     assert "\n" not in str(caught.value)
 
 
-def test_a_format_is_told_by_its_first_bytes(tmp_path):
+def test_a_format_is_recognised_by_its_first_bytes(tmp_path):
     t = 0.01 * np.arange(50)
     np.savez(tmp_path / "a.npz", t=t, v=t)
     (tmp_path / "table.dat").write_text("t,v\n" + "\n".join(f"{a},{a}" for a in t))

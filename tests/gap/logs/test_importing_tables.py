@@ -182,7 +182,7 @@ def test_signals_in_rows_of_their_own_have_a_clock_each(tmp_path):
         read_recording(tmp_path / "drive.csv", mapping_from_dict(one))
 
 
-def test_each_signal_beside_times_of_its_own(tmp_path):
+def test_each_signal_with_times_of_its_own(tmp_path):
     exact = drive()
     names = ("yaw_rate", "speed", "acc_y", "steering_angle")
     cells = {}

@@ -12,11 +12,11 @@ from drift_drake.car.parameters import VehicleParameters
 from drift_drake.cli.main import BAD_INPUT, main
 from drift_drake.gap.monitoring import monitor
 from drift_drake.gap.monitoring.bank import gated_row
-from drift_drake.gap.monitoring.normal import (
-    InvalidNormalScoresError,
+from drift_drake.gap.monitoring.baseline_scores import (
+    InvalidBaselineScoresError,
     calibrated_monitor,
-    learn_normal_scores,
-    read_normal_scores,
+    learn_baseline_scores,
+    read_baseline_scores,
 )
 from drift_drake.gap.monitoring.watch import monitor_of, rows_of, watched
 from experiments.monitoring.drives import changed_drive
@@ -31,7 +31,7 @@ def drive(seed: int) -> Run:
 
 @pytest.fixture(scope="module")
 def scores():
-    return learn_normal_scores([drive(3), drive(4)], VEHICLE, Effects())
+    return learn_baseline_scores([drive(3), drive(4)], VEHICLE, Effects())
 
 
 @pytest.fixture(scope="module")
@@ -45,10 +45,10 @@ def least_none(monitor, run) -> float:
     return min(verdict[0] for _, verdict, _ in watched(monitor, rows_of(run)))
 
 
-def test_what_is_normal_is_no_change(calibration):
+def test_the_baseline_is_no_change(calibration):
     other = drive(2)
     assert least_none(monitor_of(other, VEHICLE, Effects()), other) < 0.05
-    assert least_none(calibrated_monitor(read_normal_scores(calibration), other, VEHICLE, Effects()), other) > 0.5
+    assert least_none(calibrated_monitor(read_baseline_scores(calibration), other, VEHICLE, Effects()), other) > 0.5
 
 
 def test_a_bank_that_is_lost_on_the_way_leaves_scores(monkeypatch):
@@ -63,11 +63,11 @@ def test_a_bank_that_is_lost_on_the_way_leaves_scores(monkeypatch):
         )
 
     monkeypatch.setattr(monitor, "gated_row", losing)
-    assert np.isfinite(learn_normal_scores([run, drive(4)], VEHICLE, Effects()).excess).all()
+    assert np.isfinite(learn_baseline_scores([run, drive(4)], VEHICLE, Effects()).excess).all()
 
 
 def test_scores_survive_the_file(calibration, scores):
-    found = read_normal_scores(calibration)
+    found = read_baseline_scores(calibration)
     assert (found.period, found.noise, found.nodes) == (scores.period, scores.noise, scores.nodes)
     np.testing.assert_allclose(found.excess, scores.excess, atol=1e-6)
 
@@ -78,7 +78,7 @@ def test_another_log_or_vehicle_is_refused(scores):
         calibrated_monitor(scores, run.without("ay"), VEHICLE, Effects())
     with pytest.raises(InvalidLogError, match=r"one each 0\.02 s"):
         calibrated_monitor(dataclasses.replace(scores, period=0.02), run, VEHICLE, Effects())
-    with pytest.raises(InvalidNormalScoresError, match="another vehicle file"):
+    with pytest.raises(InvalidBaselineScoresError, match="another vehicle file"):
         calibrated_monitor(scores, run, VEHICLE.replace(mass=2.0 * VEHICLE.mass), Effects())
 
 

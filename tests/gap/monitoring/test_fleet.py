@@ -39,15 +39,15 @@ def fleet(shared: dict[str, float], own: dict[str, dict[str, float]], daily: dic
     return fleet_findings(PROBLEM, days)
 
 
-def test_shared_own_and_daily_effects_are_told_apart():
+def test_shared_own_and_daily_effects_are_kept_apart():
     found = fleet({"aero_drag": 0.6}, {"car_2": {"mass_error": 0.8}}, {"car_4/day_1": {"gyro_bias": -0.9}})
-    told = {(term.level, term.owner, term.effect): term for term in found.terms}
-    assert set(told) == {
+    reported = {(term.level, term.owner, term.effect): term for term in found.terms}
+    assert set(reported) == {
         ("fleet", "", "aero_drag"),
         ("car", "car_2", "mass_error"),
         ("day", "car_4/day_1", "gyro_bias"),
     }
-    drag = told["fleet", "", "aero_drag"]
+    drag = reported["fleet", "", "aero_drag"]
     truth = 0.6 * NODES[NAMES.index("aero_drag")].magnitude
     assert drag.low - 0.05 < truth < drag.high + 0.05
     assert not found.outliers
@@ -102,8 +102,8 @@ def test_mistakes_are_one_sentence(tmp_path, capsys):
 def test_what_all_cars_have_hides_no_cars_own():
     """A strong shared effect is seen on all cars, so that it makes none of them doubtful."""
     weak = {"car_3": {"torque_gain_error": 0.45}}
-    alone, beside = fleet({}, weak, {}), fleet({"aero_drag": 4.0}, weak, {})
-    for found in (alone, beside):
+    alone, among_others = fleet({}, weak, {}), fleet({"aero_drag": 4.0}, weak, {})
+    for found in (alone, among_others):
         assert ("car_3", "torque_gain_error") in {(term.owner, term.effect) for term in found.terms}
 
 
@@ -121,7 +121,7 @@ def test_a_cluster_finds_what_one_process_finds(tmp_path):
     assert (tmp_path / "there.json").read_bytes() == (tmp_path / "here.json").read_bytes()
 
 
-def test_days_of_which_nothing_can_be_judged_are_told(tmp_path, capsys):
+def test_days_of_which_nothing_can_be_judged_are_reported(tmp_path, capsys):
     run = changed_drive("slalom", Effects(), 1.0, seed=3, duration=3.0)
     still = dataclasses.replace(run, v=0.0 * run.v)
     write_run(still, tmp_path / "fleet" / "a" / "run_0.csv")
@@ -131,9 +131,9 @@ def test_days_of_which_nothing_can_be_judged_are_told(tmp_path, capsys):
     assert "of every day less than 2 s can be judged" in capsys.readouterr().err
     write_run(run, tmp_path / "fleet" / "b" / "run_0.csv")
     assert main(command) == 0
-    told = capsys.readouterr()
-    assert "left out, since less than 2 s can be judged: at rest, nearly so, or sideways: a/runs" in told.err
-    assert told.out.startswith("1 cars, 1 days")
+    reported = capsys.readouterr()
+    assert "left out, since less than 2 s can be judged: at rest, nearly so, or sideways: a/runs" in reported.err
+    assert reported.out.startswith("1 cars, 1 days")
 
 
 def test_a_watched_car_at_rest_is_no_car_that_agrees(tmp_path, capsys):

@@ -19,16 +19,16 @@ VEHICLE = VehicleParameters()
 CHANGE = 0.8  # [s]
 
 
-def test_a_change_is_told_and_corrected():
+def test_a_change_is_reported_and_corrected():
     monitor = make_monitor(VEHICLE, used=WATCHED)
     reference = figure_8(VEHICLE)
     loop = ClosedLoop(VEHICLE, reference, EffectsStepModel(VEHICLE, Effects()), Effects(aero_drag=1e-9),
                       control=ControlConfig(horizon=8), watch=GapWatch(monitor, "correct"))  # fmt: skip
     torque = Change(CHANGE, make_effects({"torque_gain_error": -0.2}))
     run = loop.run(loop.initial_context(0), RunLimits(time_factor=2.0 / reference.duration), change=torque)
-    told = events_of(monitor, run.table)
-    assert told[0]["event"] == "change"
-    assert CHANGE < told[0]["t"] < CHANGE + 0.5
+    reported = events_of(monitor, run.table)
+    assert reported[0]["event"] == "change"
+    assert CHANGE < reported[0]["t"] < CHANGE + 0.5
     calm = run.table["t"] < CHANGE
     assert (run.table["gap_none"][calm] > 0.9).all()
     probabilities = run.table[[f"gap_{name}" for name in monitor.labels]]

@@ -66,10 +66,10 @@ def test_a_row_far_off_is_clipped():
 
 def test_the_change_is_named_and_its_onset_found(changed_run):
     monitor = monitor_of(changed_run, VehicleParameters(), Effects())
-    told = [event for _, _, events in watched(monitor, rows_of(changed_run)) for event in events]
-    assert told[0]["event"] == "change"
-    assert told[0]["t"] > ONSET
-    last = told[-1]
+    reported = [event for _, _, events in watched(monitor, rows_of(changed_run)) for event in events]
+    assert reported[0]["event"] == "change"
+    assert reported[0]["t"] > ONSET
+    last = reported[-1]
     assert last["cause"] == "rear_stiffness_error"
     assert last["low"] - 0.05 < -0.25 < last["high"] + 0.05
     assert last["onset"] == pytest.approx(ONSET, abs=0.3)
@@ -91,15 +91,15 @@ def test_missing_readings_are_waited_through(monitor, changed_run):
     assert state.verdict[0] > 0.5
 
 
-def test_a_change_that_is_over_is_told():
+def test_a_change_that_is_over_is_reported():
     effects, end = make_effects({"friction_level": -0.25}), 4.5
     run = changed_drive("power", effects, ONSET, seed=6, duration=8.0, until=end)
     monitor = monitor_of(run, VehicleParameters(), Effects())
-    told = [event for _, _, events in watched(monitor, rows_of(run)) for event in events]
-    over = [event["t"] for event in told if event["event"] == "over"]
+    reported = [event for _, _, events in watched(monitor, rows_of(run)) for event in events]
+    over = [event["t"] for event in reported if event["event"] == "over"]
     assert over
     assert over[0] > end
-    assert any(event.get("cause") == "friction_level" for event in told)
+    assert any(event.get("cause") == "friction_level" for event in reported)
 
 
 def test_limits_fall_with_time_and_are_not_below_what_was_seen(monitor, changed_run):

@@ -12,10 +12,10 @@ from drift_drake.common.errors import DriftDrakeError
 
 def test_a_path_and_a_run_come_to_the_same_events(changed_run: Run, tmp_path: Path) -> None:
     write_run(changed_run, tmp_path / "run_0.csv")
-    told: list[dict[str, object]] = []
-    one = drift_drake.watch(tmp_path / "run_0.csv", VehicleParameters(), tell=told.extend)
+    reported: list[dict[str, object]] = []
+    one = drift_drake.watch(tmp_path / "run_0.csv", VehicleParameters(), tell=reported.extend)
     other = drift_drake.watch(read_run(tmp_path / "run_0.csv"), VehicleParameters())
-    assert one.events == other.events == told
+    assert one.events == other.events == reported
     assert one.events
     assert one.sentence() == ""
     assert one.judged == other.judged > 4.0

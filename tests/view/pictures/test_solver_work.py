@@ -30,7 +30,7 @@ def test_a_table_without_failures_has_no_marks():
     assert len(figure.axes[0].get_lines()) == 2
 
 
-def test_how_the_qps_were_solved_is_told():
+def test_how_the_qps_were_solved_is_reported():
     solved = {line.get_label(): line.get_ydata() for line in solver_work(STATISTICS, 0.01).axes[1].get_lines()}
     assert {name: list(count) for name, count in solved.items()} == {
         "QPs solved (2)": [1.0, 1.0], "second attempt (1)": [2.0], "unsolved (1)": [3.0]}  # fmt: skip

@@ -14,7 +14,7 @@ def arguments(files, *more):
     return ["replay", str(files / "run_0.csv"), "--vehicle", str(files / "car.yaml"), *more]
 
 
-def test_a_log_is_replayed_beside_both_cars(files, capsys):
+def test_a_log_is_replayed_with_both_cars(files, capsys):
     html, numbers = files / "replay.html", files / "deep" / "errors.json"
     code = main(arguments(files, "--corrected", str(files / "true.yaml"), "--html", str(html), "--json", str(numbers)))
     assert code == 0

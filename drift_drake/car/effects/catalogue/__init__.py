@@ -35,7 +35,7 @@ Examples:
 OFF_THE_MOTION = tuple(name for name, effect in CATALOGUE.items() if effect.stage in ("command", "sensor"))
 """Effects that act before the plant (transport delays) or after it (the sensors'), never on its motion."""
 PARAMETRIC = frozenset(name for name, effect in CATALOGUE.items() if effect.tolerance and effect.stage == "motion")
-"""Effects that only change a car's constants: nothing of its motion then depends on a memory."""
+"""Effects that only change a car's constants: nothing of its motion then depends on internal states."""
 HEADED = frozenset(name for name, effect in CATALOGUE.items() if effect.force and "psi" in effect.needs)
 """Effects by which the motion depends on the heading."""
 LIMITS = frozenset(name for name, effect in CATALOGUE.items() if effect.limit)

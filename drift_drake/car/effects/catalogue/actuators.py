@@ -18,7 +18,7 @@ ACTUATORS: dict[str, Effect] = {
         length=-0.5, shown_by=SWEEPS, limit=True, possible=(0.01, 100.0), fitted=("alone",)),
     "steering_offset": Effect(
         "rad", -0.035, 0.035, "added to the road-wheel angle", stage="actuator", tolerance="steering_offset",
-        shown_by=CIRCLES, drawn_wide=uniform(-0.015, 0.015)),
+        shown_by=CIRCLES, drawn_out_of_distribution=uniform(-0.015, 0.015)),
     "torque_lag": Effect(
         "s", 0.05, 0.4, "first-order lag of engine torque", stage="actuator", needs=TORQUE, spread=True,
         remembers=TORQUE, shown_by=THROTTLE, fitted=("further", "drives", "double_track"), drawn=uniform(0.05, 0.15)),
@@ -27,10 +27,11 @@ ACTUATORS: dict[str, Effect] = {
         factor=True, drawn=normal(0.07, 0.14), asked=True),
     "drivetrain_inertia_error": Effect(
         "-", -0.4, 0.8, "rear axle inertia times (1 + q)", needs=TORQUE, tolerance="rear_axle_inertia", daily=0.2,
-        of_tyres_or_body=True, shown_by=THROTTLE, factor=True, drawn_wide=uniform(-0.2, 0.4)),
+        of_tyres_or_body=True, shown_by=THROTTLE, factor=True, drawn_out_of_distribution=uniform(-0.2, 0.4)),
     "drivetrain_friction": Effect(
         "N m", 40.0, 300.0, "torque q tanh(omega_r) opposes the rear axle", needs=TORQUE, mass=1.0, radius=1.0,
-        shown_by=THROTTLE, resists=True, fitted=("drives", "double_track"), drawn_wide=uniform(40.0, 150.0)),
+        shown_by=THROTTLE, resists=True, fitted=("drives", "double_track"),
+        drawn_out_of_distribution=uniform(40.0, 150.0)),
     "steering_ratio_error": Effect(
         "-", -0.3, 0.3, "commanded road-wheel angle times (1 + q)", stage="actuator", daily=0.2, shown_by=CIRCLES,
         factor=True, since=2),

@@ -19,5 +19,5 @@ BODY: dict[str, Effect] = {
         factor=True, drawn=normal(0.1, 0.2), rolls=True),
     "cg_shift": Effect(
         "m", -0.12, 0.12, "centre of gravity moved back by q", tolerance="front_axle_distance", length=1.0,
-        of_tyres_or_body=True, shown_by=CIRCLES, drawn_wide=uniform(-0.06, 0.06)),
+        of_tyres_or_body=True, shown_by=CIRCLES, drawn_out_of_distribution=uniform(-0.06, 0.06)),
 }  # fmt: skip

@@ -23,7 +23,7 @@ FORCES: dict[str, Effect] = {
     "differential_yaw_moment": Effect(
         "N s^2", 40.0, 250.0, "yaw moment -q r v of a locking rear axle", mass=1.0, length=1.0, daily=0.2,
         of_tyres_or_body=True, shown_by=DRIFTS, double_track="nothing", fitted=("drives",),
-        drawn_wide=uniform(40.0, 150.0),
+        drawn_out_of_distribution=uniform(40.0, 150.0),
         force=lambda r, v, beta, omega_r, psi, car, magnitude: (0.0, 0.0, -magnitude * r * v)),
     "road_bank": Effect(
         "rad", -0.2, 0.2, "the road's left side is higher by q; where it is logged, by (1 + q) times that", varies=True,

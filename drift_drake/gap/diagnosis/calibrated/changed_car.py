@@ -59,7 +59,7 @@ def judged(search: Search, hypotheses: Sequence[Hypothesis]) -> list[Hypothesis]
     """
     out: list[Hypothesis] = []
     for h in hypotheses:
-        whole, limit = _with_beside(h), min((other.nats for other in out), default=np.inf) + HOPELESS
+        whole, limit = _with_additional(h), min((other.nats for other in out), default=np.inf) + HOPELESS
         at = _led(search, whole, limit, 0.0)
         if at is not None:
             ranges = [search.ranges[name] for name in whole.names]
@@ -74,7 +74,7 @@ def stated(search: Search, h: Hypothesis) -> Hypothesis:
     Where contrasts are all that shows a magnitude, it is that of the evidence: an interval that held zero would deny
     what they decide.
     """
-    at = _led(search, _with_beside(h), np.inf, APART) if h.names else None
+    at = _led(search, _with_additional(h), np.inf, APART) if h.names else None
     moved = h if at is None else _moved(h, at)
     return moved if tells_from_zero(moved) else h
 
@@ -82,8 +82,8 @@ def stated(search: Search, h: Hypothesis) -> Hypothesis:
 def _moved(h: Hypothesis, at: At) -> Hypothesis:
     """A hypothesis at other magnitudes."""
     k = len(h.names)
-    beside = dict(zip(h.beside, map(float, at.q[k:]), strict=True))
-    return dataclasses.replace(h, magnitudes=at.q[:k], covariance=at.covariance[:k, :k], beside=beside)
+    additional = dict(zip(h.additional, map(float, at.q[k:]), strict=True))
+    return dataclasses.replace(h, magnitudes=at.q[:k], covariance=at.covariance[:k, :k], additional=additional)
 
 
 def _led(search: Search, h: Hypothesis, limit: float, apart: float) -> At | None:
@@ -104,10 +104,13 @@ def _led(search: Search, h: Hypothesis, limit: float, apart: float) -> At | None
     return at
 
 
-def _with_beside(h: Hypothesis) -> Hypothesis:
+def _with_additional(h: Hypothesis) -> Hypothesis:
     """What a hypothesis has beside its causes as causes too."""
     return dataclasses.replace(
-        h, names=(*h.names, *h.beside), magnitudes=np.concatenate([h.magnitudes, list(h.beside.values())]), beside={}
+        h,
+        names=(*h.names, *h.additional),
+        magnitudes=np.concatenate([h.magnitudes, list(h.additional.values())]),
+        additional={},
     )
 
 

@@ -23,7 +23,7 @@ from drift_drake.gap.estimation.windows import PREDICTED
 from drift_drake.gap.evidence.constants import OF_SCATTER, STANDS_FOR
 from drift_drake.gap.evidence.hypotheses import Curve, Hypothesis, Search, unusual
 from drift_drake.gap.evidence.posterior import PosteriorConstants, Ranked, hypothesis_name, log_prior
-from drift_drake.gap.evidence.ranges import BESIDE_NONE, BESIDE_RIVAL, Range, at_end
+from drift_drake.gap.evidence.ranges import RELATIVE_TO_NONE, RELATIVE_TO_RIVAL, Range, at_end
 
 WORTH = 4.0  # [s] of such a car's rows that are worth one independent measurement, between days
 PERIOD = 0.01  # [s] of a planned drive's rows
@@ -82,8 +82,8 @@ def root_of(inverse: np.ndarray) -> np.ndarray:
 
 def limit_of(effect: Shifts, rivals: Sequence[Shifts]) -> DetectionLimit:
     """The magnitude from which on an effect would be named: the larger one, where its signs differ."""
-    margins = [np.linalg.norm(effect.at, axis=1) / BESIDE_NONE]
-    margins += [distances(effect.at, rival.at) / BESIDE_RIVAL for rival in rivals]
+    margins = [np.linalg.norm(effect.at, axis=1) / RELATIVE_TO_NONE]
+    margins += [distances(effect.at, rival.at) / RELATIVE_TO_RIVAL for rival in rivals]
     margin, names = np.array(margins), ["none", *(rival.name for rival in rivals)]
     # In the order in which an effect acts less and less.
     strength = -effect.magnitudes if effect.name in LIMITS else np.abs(effect.magnitudes)
@@ -157,7 +157,7 @@ def evidence_over(curve: Curve, search: Search) -> float:
     return top + float(np.log(np.trapezoid(np.exp(log_density - top), q)))
 
 
-def day_beliefs(
+def change_beliefs(
     search: Search, found: Ranked[Hypothesis], hypotheses: Sequence[Hypothesis], limits: Mapping[str, DetectionLimit],
     constants: PosteriorConstants,
 ) -> dict[str, Any]:  # fmt: skip

@@ -86,8 +86,8 @@ def _with_vehicle(
     whole, own, tolerances = vehicle_given(car)
     vehicle = whole.single_track()
     kept, doubts, warnings = admit(given.runs, vehicle)
-    told = {doubt.sentence for doubt in doubts if doubt.column is not None}  # by what is asked of the columns already
-    warnings = [warning for warning in warnings if warning not in told]
+    stated = {doubt.sentence for doubt in doubts if doubt.column is not None}  # by what is asked of the columns already
+    warnings = [warning for warning in warnings if warning not in stated]
     names, grip = region_names(), vehicle.friction * vehicle.gravity
     seconds = np.zeros(len(names))
     for run in kept:

@@ -48,10 +48,12 @@ def for_calibration(
     if any(run.beta is None for run in runs):
         remarks = [WITHOUT_BETA]
     elif not driving.gentle:
-        told = forecast(runs, vehicle, effects, (*KNOWN, *driving.unseen), stated)
-        disagreed = told.left_open.disagreed
-        found = told.outlook | {EFFECT_OF[name]: NEVER for name in driving.unseen if EFFECT_OF[name] in told.outlook}
-        remarks = told.left_open.sentences[driving.recordings == 1 :]  # that there is one is among what is missing
+        expected = forecast(runs, vehicle, effects, (*KNOWN, *driving.unseen), stated)
+        disagreed = expected.left_open.disagreed
+        found = expected.outlook | {
+            EFFECT_OF[name]: NEVER for name in driving.unseen if EFFECT_OF[name] in expected.outlook
+        }
+        remarks = expected.left_open.sentences[driving.recordings == 1 :]  # that there is one is among what is missing
     return ForCalibration(
         not any(one.grave for one in missing), driving.gentle, driving, missing, list(driving.unseen), disagreed, found,
         remarks,

@@ -8,7 +8,7 @@ from drift_drake.car.effects.catalogue import CATALOGUE
 from drift_drake.car.effects.magnitudes import Effects
 from drift_drake.car.log.table import Run
 from drift_drake.car.parameters import CarParameters, VehicleParameters
-from drift_drake.gap.diagnosis.calibrated.diagnose_day import search_of
+from drift_drake.gap.diagnosis.calibrated.diagnose_change import search_of
 from drift_drake.gap.diagnosis.calibrated.posterior import detection_limits
 from drift_drake.gap.diagnosis.likelihood.isolability import isolability
 from drift_drake.gap.estimation.fit import no_effects

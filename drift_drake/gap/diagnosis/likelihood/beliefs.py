@@ -67,8 +67,8 @@ def beliefs_as_data(
     fitted = [belief_of(f, probabilities[hypothesis_name(f.names)]) for f in ranked[:MOST_FITTED]]
     kept = [belief for belief in fitted if belief.probability >= LEAST_PROBABILITY]
     known = {hypothesis_name(f.names) for f in ranked}
-    beside = unseen(problem, ranked[0], kept[0], catalogue, calibration) if kept else []
-    hidden = [b for b in beside if b.name not in known]
+    additional = unseen(problem, ranked[0], kept[0], catalogue, calibration) if kept else []
+    hidden = [b for b in additional if b.name not in known]
     used = np.all([run.used for run in problem.runs], axis=0)
     sensing = Sensing(problem.noise, used, problem.process, problem.row_weight, problem.own)
     return as_data(sensing, kept + hidden[:MOST_UNSEEN])
@@ -117,11 +117,11 @@ def unseen(
         open_share = min(np.sqrt(2.0 * np.pi) * sigma / (high - low), 1.0) * np.exp(-0.5 * (least / sigma) ** 2)
         magnitude = float(np.clip(sigma, least, 0.5 * high))
         spread = min(float(sigma), 0.5 * high)
-        out.append(_beside(leading, name, magnitude, spread, leading.probability * odds * float(open_share)))
+        out.append(_with_additional(leading, name, magnitude, spread, leading.probability * odds * float(open_share)))
     return sorted((b for b in out if b.probability >= LEAST_PROBABILITY), key=lambda b: -b.probability)
 
 
-def _beside(leading: Belief, name: str, magnitude: float, spread: float, probability: float) -> Belief:
+def _with_additional(leading: Belief, name: str, magnitude: float, spread: float, probability: float) -> Belief:
     names = tuple(sorted((*leading.names, name)))
     at = len(NUISANCES) + names.index(name)
     covariance = np.insert(np.insert(leading.root @ leading.root.T, at, 0.0, axis=0), at, 0.0, axis=1)

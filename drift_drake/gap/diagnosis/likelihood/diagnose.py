@@ -94,13 +94,13 @@ class Judged:
     def as_data(self, problem: Problem, names: Sequence[str]) -> dict[str, Any]:
         """An answer's details; `names`: the effects that were considered."""
         fit, calibration = self.posterior.leading, self.calibration
-        beside: dict[str, Any] = {}
+        further: dict[str, Any] = {}
         if self.posterior.verdict == "none":
-            beside["detection"] = isolability(problem, self.nothing, names, small=True).limits(problem.vehicle)
+            further["detection"] = isolability(problem, self.nothing, names, small=True).limits(problem.vehicle)
         if self.posterior.verdict == UNKNOWN:
             causes = hypothesis_name(fit.names)
             fitted = self.intervals(problem.vehicle)
-            beside["nearest"] = nearest(problem, causes, fit, self.nothing, fitted)
+            further["nearest"] = nearest(problem, causes, fit, self.nothing, fitted)
         return {
             "reduction_by_state": self.reduction.by_state,
             "reduction_by_horizon": self.reduction.by_horizon,
@@ -112,7 +112,7 @@ class Judged:
             "leading_known": hypothesis_name(fit.names),
             "row_weight": problem.row_weight,
             "at_least": at_ends(self.magnitudes(problem.vehicle), problem.vehicle),
-            **beside,
+            **further,
             "beliefs": beliefs_as_data(problem, self.hypotheses, self.posterior.probabilities, names, calibration),
         }
 

@@ -10,7 +10,7 @@ from drift_drake.car.parameters import VehicleParameters
 from drift_drake.gap.estimation.fit import MAGNITUDE_STEP, Fit, parameter_limits, prior_precision, run_sensitivity
 from drift_drake.gap.estimation.prior import scale, starts
 from drift_drake.gap.estimation.problem import Gains, Problem, counted, filter_case, observe
-from drift_drake.gap.evidence.ranges import BESIDE_NONE, BESIDE_RIVAL, REACH
+from drift_drake.gap.evidence.ranges import REACH, RELATIVE_TO_NONE, RELATIVE_TO_RIVAL
 
 SMALL = 0.05  # of an effect's scale
 
@@ -44,11 +44,11 @@ class Isolability:
                 continue
             rival = int(np.argmax(alike[i]))
             apart = np.sqrt(max(1.0 - float(alike[i, rival]) ** 2, 1e-12))
-            beside = BESIDE_RIVAL / apart
-            least = float(self.deviation[i] * max(BESIDE_NONE, beside))
+            from_rival = RELATIVE_TO_RIVAL / apart
+            least = float(self.deviation[i] * max(RELATIVE_TO_NONE, from_rival))
             info = CATALOGUE[name]
             within = least <= REACH * max(abs(end) for end in info.range_for(vehicle))
-            taken_for = self.names[rival] if beside > BESIDE_NONE else "none"
+            taken_for = self.names[rival] if from_rival > RELATIVE_TO_NONE else "none"
             out[name] = {"unit": info.unit, "least": least if within else None, "taken_for": taken_for}
         return out
 

@@ -4,9 +4,9 @@ from pathlib import Path
 
 from drift_drake.common.errors import InvalidOptionError
 from drift_drake.common.safe_files import write_text
-from drift_drake.gap.diagnosis.calibrated.diagnose_day import DayDiagnosis
+from drift_drake.gap.diagnosis.calibrated.diagnose_change import ChangeDiagnosis
 from drift_drake.gap.diagnosis.likelihood.diagnose import Diagnosis
-from drift_drake.gap.diagnosis.reports import day_report
+from drift_drake.gap.diagnosis.reports import change_report
 from drift_drake.gap.diagnosis.reports import report as likelihood_report
 from drift_drake.gap.identification import report as calibration_report
 from drift_drake.gap.identification.calibration import Identification
@@ -14,7 +14,7 @@ from drift_drake.view.pages.page import Source
 
 
 def report(
-    found: Diagnosis | DayDiagnosis | Identification, path: str | Path | None = None, source: Source | None = None
+    found: Diagnosis | ChangeDiagnosis | Identification, path: str | Path | None = None, source: Source | None = None
 ) -> str:
     """The report of what `diagnose` or `identify` found, as HTML that loads nothing from elsewhere.
 
@@ -28,8 +28,8 @@ def report(
     Raises:
         InvalidOptionError: what was given has no report; OutputError: the file cannot be written.
     """
-    if isinstance(found, DayDiagnosis):
-        html = day_report.report_html(found, source)
+    if isinstance(found, ChangeDiagnosis):
+        html = change_report.report_html(found, source)
     elif isinstance(found, Diagnosis):
         html = likelihood_report.report_html(found, source)
     elif isinstance(found, Identification):

@@ -31,7 +31,7 @@ from drift_drake.gap.estimation.reduction import (
 )
 from drift_drake.gap.evidence.posterior import UNKNOWN, hypothesis_name
 from drift_drake.gap.evidence.ranges import REACH
-from drift_drake.view.pages.charts import LOW, NORMAL, Line, Panel, beside, heat_map, reach_of, stacked
+from drift_drake.view.pages.charts import LOW, NORMAL, Line, Panel, heat_map, reach_of, side_by_side, stacked
 from drift_drake.view.pages.page import GLOSSARY, Source, page_html
 
 LEAST_EXCESS = 0.01  # of the innovations' mean square that must be gap for a ceiling to mean anything
@@ -179,7 +179,7 @@ def correlations(d: Diagnosis, cars: Cars) -> Markup:
             cross.append(Line(name, lags, mean[1]))
         panels += [Panel(f"{CHANNELS[channel]} with itself", auto, 130),
                    Panel(f"{CHANNELS[channel]} with steering", cross, 130)]  # fmt: skip
-    return beside(panels, "lag [s]")
+    return side_by_side(panels, "lag [s]")
 
 
 def correlation(a: np.ndarray, b: np.ndarray) -> np.ndarray:
@@ -196,7 +196,7 @@ def error_by_horizon(d: Diagnosis) -> Markup:
         for values, colour, label in ((r.before, "", "nominal"), (r.after, "", "corrected"),
                                       (r.floor, NORMAL, "best fit to everything"))
     ]  # fmt: skip
-    return beside([Panel("error [noise levels]", lines, 200, log=True)], "horizon [s]", columns=1, log_x=True)
+    return side_by_side([Panel("error [noise levels]", lines, 200, log=True)], "horizon [s]", columns=1, log_x=True)
 
 
 def isolability_matrix(found: Isolability) -> Markup:

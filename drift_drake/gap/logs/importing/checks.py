@@ -60,11 +60,11 @@ def recording_doubts(
     right = {name: np.concatenate([columns[name] for columns in found.right]) for name in names}
     if not found.complete:
         return Doubts(sentences, ())
-    told = {doubt.column for doubt in found.doubts}
+    doubted = {doubt.column for doubt in found.doubts}
     jumps = [sentence for columns in runs for sentence in _jumps(columns)]
     sentences += jumps[:1]
     sentences += _any_wheelbase(found.steer) if wheelbase is None else []
-    sentences += _directions(right, max(round(WINDOW / period), 1)) + _accelerometer(right, found.windows, told)
+    sentences += _directions(right, max(round(WINDOW / period), 1)) + _accelerometer(right, found.windows, doubted)
     return Doubts(sentences, found.unchecked)
 
 
@@ -154,7 +154,7 @@ def _directions(columns: Mapping[str, Array], rows: int) -> list[str]:
     return sentences
 
 
-def _accelerometer(columns: Mapping[str, Array], w: Windows, told: set[str | None]) -> list[str]:
+def _accelerometer(columns: Mapping[str, Array], w: Windows, doubted: set[str | None]) -> list[str]:
     """Of gravity in the accelerations, and of an axis that points down."""
     sentences = []
     beta, swing = np.nan_to_num(w.beta), np.nan_to_num(w.swing)
@@ -166,7 +166,7 @@ def _accelerometer(columns: Mapping[str, Array], w: Windows, told: set[str | Non
     for name, motion in expected.items():
         read = getattr(w, name)
         rest = float(np.mean(read - motion)) if len(motion) else 0.0
-        if name not in told and abs(rest) > TILT:
+        if name not in doubted and abs(rest) > TILT:
             sentences.append(
                 f"column {name} reads {rest:+.2g} m/s^2 besides the change of velocity: "
                 "gravity on a tilted sensor or a slope, or a bias?"

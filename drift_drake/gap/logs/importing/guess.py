@@ -224,28 +224,28 @@ def _units(
         if c.unit is None and QUANTITIES[key] == "acceleration" and is_in_g(c.column):
             units[key] = "g"
     read = {key: dataclasses.replace(signals(c), unit=units[key]) for key, c in found.items()}
-    told = units_by_motion(read, _speed_of_position(found, signals, topics))
+    by_motion = units_by_motion(read, _speed_of_position(found, signals, topics))
     for key, size in LARGEST.items():
         if key in found and units[key] is None and np.nanmax(np.abs(read[key].values), initial=0.0) > size:
-            told[key] = "deg"
+            by_motion[key] = "deg"
     if "omega_r" in found and units["omega_r"] is None and "v" in found:
-        speed = dataclasses.replace(read["v"], unit=told.get("v", units["v"])).si()
+        speed = dataclasses.replace(read["v"], unit=by_motion.get("v", units["v"])).si()
         if unit := wheel_unit(read["omega_r"], speed):
-            told["omega_r"] = unit
-    if {"delta_cmd", "v", "r"} <= set(found) and units["delta_cmd"] is None and "delta_cmd" not in told:
-        v, r = (dataclasses.replace(read[key], unit=told.get(key, units[key])).si() for key in ("v", "r"))
+            by_motion["omega_r"] = unit
+    if {"delta_cmd", "v", "r"} <= set(found) and units["delta_cmd"] is None and "delta_cmd" not in by_motion:
+        v, r = (dataclasses.replace(read[key], unit=by_motion.get(key, units[key])).si() for key in ("v", "r"))
         if unit := steering_unit(read["delta_cmd"], v, r, is_handwheel(found["delta_cmd"].column)):
-            told["delta_cmd"] = unit
-    told |= {key: "deg" for key in ("latitude", "longitude") if key in found and units[key] is None}
+            by_motion["delta_cmd"] = unit
+    by_motion |= {key: "deg" for key in ("latitude", "longitude") if key in found and units[key] is None}
     plain = {key: DIMENSIONS[QUANTITIES[key]][0] for key in found}
-    guessed = {key: unit for key, unit in told.items() if units[key] is None and unit != plain[key]}
-    silent = [key for key in found if units[key] is None and key not in told]
+    guessed = {key: unit for key, unit in by_motion.items() if units[key] is None and unit != plain[key]}
+    silent = [key for key in found if units[key] is None and key not in by_motion]
     if guessed:
         listed = ", ".join(f"{key} in {unit}" for key, unit in guessed.items())
         sentences.append(f"The file states no unit of {', '.join(guessed)}: the numbers fit {listed}.")
     if silent:
         sentences.append(f"The file states no unit of {', '.join(silent)}: SI is assumed.")
-    return {key: units[key] or told.get(key) or plain[key] for key in found}, sentences
+    return {key: units[key] or by_motion.get(key) or plain[key] for key in found}, sentences
 
 
 def _speed_of_position(found: Mapping[str, ColumnChoice], signals: _Traces, topics: Sequence[Topic]) -> Trace | None:
@@ -296,9 +296,9 @@ def _adapted(
     read = {key: dataclasses.replace(signals(c), unit=units[key]).si() for key, c in found.items()}
     sentences = []
     if "omega_r" in lines and dimension(units["omega_r"]) == "angular rate":
-        told = ratio(read["omega_r"], read["v"]) if "v" in read else 0.0
-        lines["omega_r"]["radius"] = round(told, 3) if RADII[0] < told < RADII[1] else RADIUS
-        sentences.append(f"The radius of omega_r is {'that of v' if told else 'a guess'}: write the wheel's own.")
+        by_motion = ratio(read["omega_r"], read["v"]) if "v" in read else 0.0
+        lines["omega_r"]["radius"] = round(by_motion, 3) if RADII[0] < by_motion < RADII[1] else RADIUS
+        sentences.append(f"The radius of omega_r is {'that of v' if by_motion else 'a guess'}: write the wheel's own.")
     if "course" in lines:  # receivers count it clockwise from north
         same = "r" in read and likeness(read["r"], derivative(read["course"], turns=True)) > LIKE
         lines["course"] |= {} if same else {"frame": "ned"}

@@ -17,7 +17,7 @@ class Rule(NamedTuple):
     """Ways to name a quantity, the best first, each a set of concepts; and what else may be said beside them."""
 
     ways: tuple[str, ...]
-    beside: str
+    qualifiers: str
 
 
 COMMON = frozenset(["source", "car"])
@@ -192,7 +192,7 @@ def _name(known: Unit | None, stated: Stated | None) -> str | None:
 
 def _rank(quantity: str, said: set[str], unknown: int) -> float | None:
     rule = RULES[quantity]
-    free = COMMON | set(rule.beside.split())
+    free = COMMON | set(rule.qualifiers.split())
     for number, way in enumerate(rule.ways):
         needed = set(way.split())
         if needed <= said and said - needed <= free and not (unknown and way in SYMBOLS):

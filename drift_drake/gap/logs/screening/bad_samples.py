@@ -9,7 +9,7 @@ from drift_drake.car.log.driving import in_spans, spans
 from drift_drake.gap.logs.noise import white_noise_level
 
 LONGEST = 5  # rows of a spike; what lasts longer may be the car
-BESIDE = 8  # rows on either side that say what is expected; as many at a run's ends are not judged
+NEIGHBOURS = 8  # rows on either side that say what is expected; as many at a run's ends are not judged
 FROM_RANGE = 4.0  # half ranges of the rows beside that a spike lies outside of them
 FROM_NOISE = 8.0  # standard deviations of the channel's white noise
 FROM_USUAL = 8.0  # times what one row in a hundred of this channel lies outside of its neighbours
@@ -40,7 +40,7 @@ def spikes(values: np.ndarray, resolution: float = 0.0) -> list[tuple[int, int]]
     Args:
         resolution: step of the signal's numbers (`noise.step`).
     """
-    if len(values) <= 2 * BESIDE + LONGEST:
+    if len(values) <= 2 * NEIGHBOURS + LONGEST:
         return []
     found: list[tuple[int, int]] = []
     cleaned = values.astype(float)
@@ -62,7 +62,7 @@ def filled(values: np.ndarray, bad: Sequence[tuple[int, int]]) -> np.ndarray:
 def _clear_spikes(values: np.ndarray, resolution: float) -> list[tuple[int, int]]:
     """Spikes that stand out with the neighbours as they are, the longest first, none overlapping."""
     taken = np.zeros(len(values), dtype=np.bool_)
-    noise, medians = white_noise_level(values), np.median(sliding_window_view(values, BESIDE), axis=1)
+    noise, medians = white_noise_level(values), np.median(sliding_window_view(values, NEIGHBOURS), axis=1)
     found = []
     for width in range(LONGEST, 0, -1):
         outside, half_range = _outside_neighbours(values, medians, width)
@@ -71,7 +71,7 @@ def _clear_spikes(values: np.ndarray, resolution: float) -> list[tuple[int, int]
         # What is as small as the rounding of the numbers is no evidence.
         least = np.maximum(least, max(STEPS * resolution, 1e-5 * float(np.max(np.abs(values)))))
         for i in np.flatnonzero(outside > least):
-            start, stop = int(i) + BESIDE, int(i) + BESIDE + width
+            start, stop = int(i) + NEIGHBOURS, int(i) + NEIGHBOURS + width
             near = slice(max(start - LONGEST, 0), stop + LONGEST)
             if not np.any(taken[near]):
                 taken[start:stop] = True
@@ -88,18 +88,18 @@ def _outside_neighbours(values: np.ndarray, medians: np.ndarray, width: int) -> 
     Args:
         medians: of the signal's stretches of BESIDE rows [n - BESIDE + 1].
     """
-    total = 2 * BESIDE + width
+    total = 2 * NEIGHBOURS + width
     window = sliding_window_view(values, total)
-    left, right = medians[: len(window)], medians[BESIDE + width :]
+    left, right = medians[: len(window)], medians[NEIGHBOURS + width :]
     place = np.arange(total) - 0.5 * (total - 1)
-    rest = window - 0.5 * (left + right)[:, None] - ((right - left) / (BESIDE + width))[:, None] * place
-    beside = np.sort(np.concatenate([rest[:, :BESIDE], rest[:, BESIDE + width :]], axis=1), axis=1)
-    middle = 0.5 * (beside[:, BESIDE - 1] + beside[:, BESIDE])
-    lowest_farthest = middle - beside[:, 0] > beside[:, -1] - middle
-    low = np.where(lowest_farthest, beside[:, 1], beside[:, 0])
-    high = np.where(lowest_farthest, beside[:, -1], beside[:, -2])
+    rest = window - 0.5 * (left + right)[:, None] - ((right - left) / (NEIGHBOURS + width))[:, None] * place
+    neighbours = np.sort(np.concatenate([rest[:, :NEIGHBOURS], rest[:, NEIGHBOURS + width :]], axis=1), axis=1)
+    middle = 0.5 * (neighbours[:, NEIGHBOURS - 1] + neighbours[:, NEIGHBOURS])
+    lowest_farthest = middle - neighbours[:, 0] > neighbours[:, -1] - middle
+    low = np.where(lowest_farthest, neighbours[:, 1], neighbours[:, 0])
+    high = np.where(lowest_farthest, neighbours[:, -1], neighbours[:, -2])
     half_range = 0.5 * (high - low)
-    apart = np.abs(rest[:, BESIDE : BESIDE + width] - 0.5 * (high + low)[:, None])
+    apart = np.abs(rest[:, NEIGHBOURS : NEIGHBOURS + width] - 0.5 * (high + low)[:, None])
     return np.min(apart, axis=1) - half_range, half_range
 
 

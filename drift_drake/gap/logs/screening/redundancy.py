@@ -55,19 +55,19 @@ def agreements(m: Kinematics) -> list[Compared]:
     found.append(("r over the rate of psi", {"r": 1, "psi": -1, "t": 1}, MARGIN,
                   gain(m.r, m.turning, _lag(m, m.turning), m.block)))  # fmt: skip
     gentle = m.where(np.abs(m.turned) < GENTLE)
-    beside = np.column_stack([m.lag(m.course), m.spin])
+    regressors = np.column_stack([m.lag(m.course), m.spin])
     least = LIKE if slides else ALONG
     if np.isfinite(m.heading).any():
         says = f"the rate of psi{' and beta' if slides else ''} over that of the course of x, y"
         powers = {"psi": 1, "beta": 0} if slides else {"psi": 1}
-        found.append((says, powers, MARGIN, gain(m.heading, m.course, beside, m.block, least)))
+        found.append((says, powers, MARGIN, gain(m.heading, m.course, regressors, m.block, least)))
     elif np.isfinite(m.course).any():
         found.append(
             (
                 "r over the rate of the course of x, y",
                 {"r": 1, "t": 1},
                 MARGIN,
-                gain(m.yawed, m.course, beside, m.block, least),
+                gain(m.yawed, m.course, regressors, m.block, least),
             )
         )
     if slides:

@@ -32,7 +32,7 @@ def files(other_car, tmp_path_factory):
     return folder
 
 
-def test_identify_takes_several_days_and_writes_what_is_normal(other_car, tmp_path, monkeypatch, capsys):
+def test_identify_takes_several_days_and_writes_the_baseline(other_car, tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(identification, "FURTHER", ())
     monkeypatch.chdir(tmp_path)
     for k, name in enumerate(("monday", "tuesday")):
@@ -124,7 +124,7 @@ def test_a_calibration_of_another_shape_is_refused(files, other_car, tmp_path, c
     assert error.count("\n") == 1
 
 
-def test_check_says_what_a_day_could_show_beside_what_is_normal(files, monkeypatch, capsys):
+def test_check_says_what_a_day_could_show_relative_to_the_baseline(files, monkeypatch, capsys):
     monkeypatch.setattr(check_limits, "seen_effects", lambda _runs, _names: (["steering_delay", "gyro_bias"], []))
     code = main(["check", str(files / "half"), "--vehicle", str(files / "car.yaml"), "--calibration",
                  str(files / "car.json"), "--json", "-", "--workers", "1"])  # fmt: skip

@@ -11,8 +11,8 @@ from drift_drake.gap.evidence.hypotheses import Hypothesis
 SINGLE = ("steering_offset",)
 
 
-def change(name, magnitude, beside=None):
-    return Hypothesis((name,), np.array([magnitude]), np.eye(1), 0.0, 0.0, beside=beside or {})
+def change(name, magnitude, additional=None):
+    return Hypothesis((name,), np.array([magnitude]), np.eye(1), 0.0, 0.0, additional=additional or {})
 
 
 @pytest.fixture(scope="module")
@@ -46,14 +46,14 @@ def test_the_most_likely_magnitude_is_a_fixed_point(late_day):
     assert np.sqrt(again.covariance[0, 0]) == pytest.approx(deviation, rel=0.1)
 
 
-def test_what_is_beside_a_cause_is_fitted_too(late_day):
+def test_what_is_additional_to_a_cause_is_fitted_too(late_day):
     (alone,) = judged(late_day.search, [change("steering_delay", 0.08)])
-    (beside,) = judged(late_day.search, [change("steering_delay", 0.08, {"mass_error": 0.05})])
-    assert set(beside.beside) == {"mass_error"}
-    assert beside.beside["mass_error"] != 0.05
-    assert beside.covariance.shape == (1, 1)
-    assert beside.covariance[0, 0] == pytest.approx(alone.covariance[0, 0], rel=0.3)
-    assert beside.magnitudes[0] == pytest.approx(alone.magnitudes[0], rel=0.1)
+    (additional,) = judged(late_day.search, [change("steering_delay", 0.08, {"mass_error": 0.05})])
+    assert set(additional.additional) == {"mass_error"}
+    assert additional.additional["mass_error"] != 0.05
+    assert additional.covariance.shape == (1, 1)
+    assert additional.covariance[0, 0] == pytest.approx(alone.covariance[0, 0], rel=0.3)
+    assert additional.magnitudes[0] == pytest.approx(alone.magnitudes[0], rel=0.1)
 
 
 def test_what_the_right_change_leaves_is_normal_and_what_a_wrong_one_leaves_is_not(late_day):

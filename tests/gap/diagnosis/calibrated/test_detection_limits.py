@@ -11,7 +11,7 @@ from drift_drake.gap.diagnosis.calibrated.posterior import detection_limits, dis
 from drift_drake.gap.evidence.hypotheses import Curve
 from drift_drake.gap.evidence.ranges import AGAINST_NONE, REACH, SURE, range_of
 
-BESIDE_NONE = SURE + np.sqrt(SURE**2 + 2.0 * AGAINST_NONE)
+RELATIVE_TO_NONE = SURE + np.sqrt(SURE**2 + 2.0 * AGAINST_NONE)
 FINE = 0.002  # relative spacing of the magnitudes that are tried
 
 
@@ -39,8 +39,8 @@ class Linear:
 
 def test_an_effect_like_no_other_need_only_beat_none():
     limits = Linear({"mass_error": [100.0, 0.0], "torque_lag": [0.0, 60.0]}).limits()
-    assert limits["mass_error"].least == pytest.approx(BESIDE_NONE / 100.0, rel=FINE)
-    assert limits["torque_lag"].least == pytest.approx(BESIDE_NONE / 60.0, rel=FINE)
+    assert limits["mass_error"].least == pytest.approx(RELATIVE_TO_NONE / 100.0, rel=FINE)
+    assert limits["torque_lag"].least == pytest.approx(RELATIVE_TO_NONE / 60.0, rel=FINE)
     assert limits["mass_error"].taken_for == "none"
     assert limits["torque_lag"].unit == "s"
 
@@ -48,8 +48,8 @@ def test_an_effect_like_no_other_need_only_beat_none():
 def test_scatter_makes_limits_larger():
     covariance = np.array([[4.0, 0.0], [0.0, 1.0]])
     limits = Linear({"mass_error": [100.0, 0.0], "torque_lag": [0.0, 60.0]}, covariance).limits()
-    assert limits["mass_error"].least == pytest.approx(2.0 * BESIDE_NONE / 100.0, rel=FINE)
-    assert limits["torque_lag"].least == pytest.approx(BESIDE_NONE / 60.0, rel=FINE)
+    assert limits["mass_error"].least == pytest.approx(2.0 * RELATIVE_TO_NONE / 100.0, rel=FINE)
+    assert limits["torque_lag"].least == pytest.approx(RELATIVE_TO_NONE / 60.0, rel=FINE)
 
 
 def test_a_scatter_that_is_singular_shows_nothing_in_that_direction():
@@ -57,13 +57,13 @@ def test_a_scatter_that_is_singular_shows_nothing_in_that_direction():
     search = Linear({"mass_error": [100.0, 0.0], "torque_lag": [0.0, 60.0]})
     search.scatter.inverse = np.array([[1.0, 0.0], [0.0, -1e-18]])
     limits = search.limits()
-    assert limits["mass_error"].least == pytest.approx(BESIDE_NONE / 100.0, rel=FINE)
+    assert limits["mass_error"].least == pytest.approx(RELATIVE_TO_NONE / 100.0, rel=FINE)
     assert limits["torque_lag"].least is None
     search.scatter.inverse = np.array([[1.0, 1.0 + 1e-12], [1.0 + 1e-12, 1.0]])  # no root of its own
     assert all(np.isfinite(limit.least or 0.0) for limit in search.limits().values())
 
 
-def test_effects_that_look_alike_must_be_told_from_each_other():
+def test_effects_that_look_alike_must_be_distinguished_from_each_other():
     cosine = 0.95
     other = 50.0 * np.array([cosine, np.sqrt(1.0 - cosine**2)])
     limits = Linear({"mass_error": [50.0, 0.0], "yaw_inertia_error": other}).limits()
@@ -83,7 +83,7 @@ def test_no_limit_is_below_what_counts_as_a_gap_or_beyond_the_reach():
     search = Linear({"mass_error": [1e6, 0.0], "torque_lag": [0.0, 1.0]})
     limits = search.limits()
     assert limits["mass_error"].least == pytest.approx(search.ranges["mass_error"].least, rel=0.01)
-    assert REACH * CATALOGUE["torque_lag"].high < BESIDE_NONE
+    assert REACH * CATALOGUE["torque_lag"].high < RELATIVE_TO_NONE
     assert limits["torque_lag"].least is None
 
 
@@ -95,8 +95,8 @@ def test_a_rate_limit_is_named_up_to_a_highest_one():
 
     limits = Limited({"steering_rate_limit": [1.0, 0.0], "mass_error": [0.0, 1.0]}).limits()
     highest = limits["steering_rate_limit"].least
-    assert 20.0 * (1.0 - highest) >= BESIDE_NONE
-    assert 20.0 * (1.0 - highest) == pytest.approx(BESIDE_NONE, rel=0.01)
+    assert 20.0 * (1.0 - highest) >= RELATIVE_TO_NONE
+    assert 20.0 * (1.0 - highest) == pytest.approx(RELATIVE_TO_NONE, rel=0.01)
 
     class Slow(Linear):
         def scores(self, _effects):
@@ -113,7 +113,7 @@ def test_an_effect_that_bends_is_judged_where_it_acts():
             return np.array([40.0 * max(effects.get("torque_lag", 0.0) - 0.1, 0.0) / 0.1, 0.3])
 
     limit = Bent({"torque_lag": [0.0, 0.0]}).limits()["torque_lag"]
-    assert limit.least == pytest.approx(0.1 + 0.1 * BESIDE_NONE / 40.0, rel=0.02)
+    assert limit.least == pytest.approx(0.1 + 0.1 * RELATIVE_TO_NONE / 40.0, rel=0.02)
 
 
 def test_the_larger_of_two_signs_is_the_limit():
@@ -123,7 +123,7 @@ def test_the_larger_of_two_signs_is_the_limit():
             return np.array([100.0 * q if q > 0.0 else 50.0 * q, 0.3])
 
     assert Lopsided({"mass_error": [0.0, 0.0]}).limits()["mass_error"].least == pytest.approx(
-        BESIDE_NONE / 50.0, rel=FINE)  # fmt: skip
+        RELATIVE_TO_NONE / 50.0, rel=FINE)  # fmt: skip
 
 
 def test_distances_are_to_the_nearest():

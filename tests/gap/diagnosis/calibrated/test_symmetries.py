@@ -7,7 +7,7 @@ import pytest
 
 from drift_drake.car.effects.magnitudes import Effects
 from drift_drake.car.log.table import COLUMNS, Run
-from drift_drake.gap.diagnosis.calibrated.diagnose_day import diagnose_day
+from drift_drake.gap.diagnosis.calibrated.diagnose_change import diagnose_change
 from drift_drake.gap.estimation.normal import Normal
 from drift_drake.gap.estimation.partial import DRIVING, partial_effects
 from drift_drake.gap.estimation.windows import HORIZONS, PREDICTED
@@ -63,7 +63,7 @@ def biased_day(biased_runs, diagnosed):
 
 def test_a_mirrored_day_has_the_mirrored_answer(other_car, biased_runs, biased_day):
     car = other_car.found
-    other = diagnose_day(
+    other = diagnose_change(
         [mirrored_run(run) for run in biased_runs], car.vehicle, mirrored_normal(other_car.normal),
         mirrored_effects(car.effects), "mirrored", 1, catalogue=FEW,
     ).answer  # fmt: skip

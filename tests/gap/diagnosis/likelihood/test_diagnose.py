@@ -158,7 +158,7 @@ def test_torque_that_is_not_logged_is_fed_through_the_wheel_speed(stiffness_case
     assert np.mean(e**2) < 1.3
 
 
-def test_folders_of_cases_are_told_from_cases(stiffness_case, tmp_path):
+def test_folders_of_cases_are_distinguished_from_cases(stiffness_case, tmp_path):
     with pytest.raises(InvalidLogError, match="holds no runs"):
         case_folders(tmp_path)
     with pytest.raises(InvalidLogError, match="no such folder"):

@@ -24,7 +24,7 @@ def changed(run, column, start, stop, value):
 
 @pytest.mark.parametrize("column", MEASURED)
 @pytest.mark.parametrize("rows", [1, 3])
-def test_a_spike_is_found_told_with_its_time_and_filled(case, column, rows):
+def test_a_spike_is_found_reported_with_its_time_and_filled(case, column, rows):
     run = case[0]
     good = run.column(column)[500]
     bad = changed(run, column, 500, 500 + rows, good + 40.0 * NOISE[column])
@@ -52,7 +52,7 @@ def test_several_spikes_close_by_are_all_found(case):
 
 @pytest.mark.parametrize("column", MEASURED)
 @pytest.mark.parametrize("rows", [5, 40])
-def test_frozen_rows_are_found_told_and_filled(case, column, rows):
+def test_frozen_rows_are_found_reported_and_filled(case, column, rows):
     run = case[1]
     bad = changed(run, column, 300, 300 + rows, run.column(column)[300])
     one, sentences = screen(bad)
@@ -115,7 +115,7 @@ def test_noise_is_that_between_spikes():
     np.testing.assert_array_equal(without_jumps(np.delete(r, [100, 700, 900])), np.delete(r, [100, 700, 900]))
 
 
-def test_columns_that_freeze_together_are_told_in_one_sentence(case):
+def test_columns_that_freeze_together_are_reported_in_one_sentence(case):
     run = case[2]
     for column in ("r", "ax", "ay"):
         run = changed(run, column, 600, 620, run.column(column)[600])
@@ -131,7 +131,7 @@ def test_a_sensor_that_dies_is_found(case):
 
 
 @pytest.mark.parametrize(("column", "size"), [("v", 0.1), ("r", 0.01), ("beta", 0.01), ("ay", 0.3), ("x", 0.1)])
-def test_coarse_rounding_is_told_with_its_step_and_cuts_nothing(case, column, size):
+def test_coarse_rounding_is_reported_with_its_step_and_cuts_nothing(case, column, size):
     run = case[1]
     rounded = dataclasses.replace(run, **{column: size * np.round(run.column(column) / size)})
     one, sentences = screen(rounded)

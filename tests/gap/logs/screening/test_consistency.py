@@ -64,9 +64,9 @@ def test_seven_per_cent_are_named_with_the_column(column, factor, drifting):
     [(("x", "y"), "psi"), (("psi",), "r"), (("beta",), "ay"), (MOTION[:3], "ay"), (("x", "y", "omega_r"), "v")],
 )
 def test_fewer_columns_tell_too(log, lacking, column):
-    told = said(*with_factors([log.without(*lacking)], {column: 1.1}))
-    assert len(told) == 1
-    assert column in told[0]
+    reported = said(*with_factors([log.without(*lacking)], {column: 1.1}))
+    assert len(reported) == 1
+    assert column in reported[0]
 
 
 def test_a_column_that_explains_most_is_named_and_the_rest_left_out(log):
@@ -102,7 +102,7 @@ def test_without_accelerations_the_wheels_tell_it(log):
 
 
 @pytest.mark.parametrize("ratio", [1.25, 0.8])
-def test_a_steering_ratio_is_told_from_understeer(log, ratio):
+def test_a_steering_ratio_is_distinguished_from_understeer(log, ratio):
     (doubt,) = consistency_of(with_factors([log], {"delta_cmd": ratio}), CAR).doubts
     assert doubt.column == "delta_cmd"
     assert doubt.factor == pytest.approx(ratio, rel=0.03)

@@ -36,9 +36,9 @@ def test_each_mistake_is_named(case, name):
         assert "looks like" in refused
         assert any(f"column {column} " in refused for column in factors)
         return
-    told = suspicions(with_factors(case, factors), VEHICLE)
-    assert sorted(s.column for s in told) == sorted(factors)
-    for suspicion in told:
+    reported = suspicions(with_factors(case, factors), VEHICLE)
+    assert sorted(s.column for s in reported) == sorted(factors)
+    for suspicion in reported:
         assert suspicion.factor == pytest.approx(factors[suspicion.column], rel=0.4)
         assert "looks " in suspicion.sentence
         assert suspicion.evidence
@@ -62,9 +62,9 @@ def test_sentences_say_how_much_and_what_to_do(good_cases):
 
 
 def test_two_mistakes_at_once_are_both_named(case):
-    told = suspicions(with_factors(case, {"v": 3.6, "ay": -1.0 / 9.81}), VEHICLE)
-    assert {s.column for s in told} == {"v", "ay"}
-    assert {np.sign(s.factor) for s in told if s.column == "ay"} == {1.0, -1.0}
+    reported = suspicions(with_factors(case, {"v": 3.6, "ay": -1.0 / 9.81}), VEHICLE)
+    assert {s.column for s in reported} == {"v", "ay"}
+    assert {np.sign(s.factor) for s in reported if s.column == "ay"} == {1.0, -1.0}
 
 
 def test_good_cases_raise_nothing(good_cases):
@@ -86,16 +86,16 @@ def test_columns_that_lack_make_no_suspicion(good_cases, names, lacking):
 @pytest.mark.parametrize("lacking", [("x", "y", "psi"), ("ax", "ay"), ("beta",)])
 @pytest.mark.parametrize("factors", [{"v": 3.6}, {"t": 0.5}, {"r": 1.0 / DEGREES}])
 def test_fewer_witnesses_are_enough(case, lacking, factors):
-    told = suspicions(with_factors([run.without(*lacking) for run in case], factors), VEHICLE)
-    assert [s.column for s in told] == list(factors)
+    reported = suspicions(with_factors([run.without(*lacking) for run in case], factors), VEHICLE)
+    assert [s.column for s in reported] == list(factors)
 
 
-def test_two_explanations_are_both_told(case):
+def test_two_explanations_are_both_reported(case):
     """Steering against yaw rate, and nothing else."""
     less = [run.without("x", "y", "psi", "ax", "ay", "beta", "omega_r", "tau_cmd") for run in case[:2]]
-    (told,) = suspicions(with_factors(less, {"delta_cmd": -1.0}), VEHICLE)
-    assert told.factor == -1.0
-    assert "column r looks mirrored, against the other columns; or delta_cmd instead" in told.sentence
+    (reported,) = suspicions(with_factors(less, {"delta_cmd": -1.0}), VEHICLE)
+    assert reported.factor == -1.0
+    assert "column r looks mirrored, against the other columns; or delta_cmd instead" in reported.sentence
 
 
 def test_spikes_make_no_suspicion(case):
@@ -109,18 +109,18 @@ def test_spikes_make_no_suspicion(case):
 
 def test_a_run_in_another_unit_is_named(case):
     odd = with_factors([case[1]], {"v": 3.6})[0]
-    told = suspicions([case[0], odd, *case[2:]], VEHICLE)
-    assert [s.sentence.split(" disagrees")[0] for s in told] == ["run_1"]
-    assert "is it the same car" in told[0].sentence
-    assert told[0].column is None
+    reported = suspicions([case[0], odd, *case[2:]], VEHICLE)
+    assert [s.sentence.split(" disagrees")[0] for s in reported] == ["run_1"]
+    assert "is it the same car" in reported[0].sentence
+    assert reported[0].column is None
 
 
 def test_a_run_of_a_much_heavier_car_is_named(good_cases):
     case = good_cases["nominal"]
     heavy = make_case(Truth({}, {}, {"mass": 2.5}), VEHICLE, np.random.default_rng(0))
-    told = suspicions([case[0], heavy[1], *case[2:]], VEHICLE)
-    assert [s.sentence.split(" disagrees")[0] for s in told] == ["run_1"]
-    assert "gear_ratio tau_cmd / wheel_radius over mass times the rate of v" in told[0].evidence
+    reported = suspicions([case[0], heavy[1], *case[2:]], VEHICLE)
+    assert [s.sentence.split(" disagrees")[0] for s in reported] == ["run_1"]
+    assert "gear_ratio tau_cmd / wheel_radius over mass times the rate of v" in reported[0].evidence
 
 
 def test_short_logs_say_nothing(case):

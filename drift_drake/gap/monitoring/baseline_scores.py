@@ -33,7 +33,7 @@ LARGEST = 1e9
 REMEDY = "write it with 'drift-drake identify --json'"
 
 
-class InvalidNormalScoresError(DriftDrakeError, ValueError):
+class InvalidBaselineScoresError(DriftDrakeError, ValueError):
     """A calibration that nothing can be watched with; the message names the file and the remedy."""
 
 
@@ -66,14 +66,14 @@ def excess_of(blocks: Sequence[Sums]) -> np.ndarray:
     return np.asarray(OTHER_DRIVES * (vectors * np.maximum(values, 0.0)) @ vectors.T)
 
 
-def with_normal(monitor: Monitor, runs: Sequence[Run]) -> Monitor:
+def with_baseline_scores(monitor: Monitor, runs: Sequence[Run]) -> Monitor:
     """The monitor of a car whose normal drives are `runs`."""
     blocks = [block for run in runs for block in block_sums(monitor, run)]
     return dataclasses.replace(monitor, problem=monitor.problem._replace(excess=excess_of(blocks)))
 
 
 @dataclasses.dataclass(frozen=True)
-class NormalScores:
+class BaselineScores:
     """How a car's scores scatter on normal drives beyond white innovations, and what they were made with."""
 
     period: float  # [s] of the logs
@@ -89,7 +89,7 @@ class NormalScores:
         }
 
 
-def learn_normal_scores(runs: Sequence[Run], vehicle: VehicleParameters, own: Effects) -> NormalScores:
+def learn_baseline_scores(runs: Sequence[Run], vehicle: VehicleParameters, own: Effects) -> BaselineScores:
     """What is normal for a car, from logs of its own.
 
     Raises:
@@ -97,15 +97,15 @@ def learn_normal_scores(runs: Sequence[Run], vehicle: VehicleParameters, own: Ef
     """
     monitor = monitor_of(runs[0], vehicle, own)
     levels = {name: float(np.sqrt(monitor.bank.noise[i])) for i, name in enumerate(CHANNELS) if monitor.used[i]}
-    return NormalScores(runs[0].period, levels, nodes_of(monitor), with_normal(monitor, runs).problem.excess)
+    return BaselineScores(runs[0].period, levels, nodes_of(monitor), with_baseline_scores(monitor, runs).problem.excess)
 
 
-def calibrated_monitor(scores: NormalScores, run: Run, vehicle: VehicleParameters, own: Effects) -> Monitor:
+def calibrated_monitor(scores: BaselineScores, run: Run, vehicle: VehicleParameters, own: Effects) -> Monitor:
     """The monitor of a calibrated car for a log of the same columns and rate.
 
     Raises:
         InvalidLogError: the log lacks a column of the calibration's logs, or has another rate;
-        InvalidNormalScoresError: the vehicle is not the one that was calibrated.
+        InvalidBaselineScoresError: the vehicle is not the one that was calibrated.
     """
     missing = [name for name in scores.noise if run.column(name) is None]
     if missing or run.tau_cmd is None:
@@ -119,7 +119,7 @@ def calibrated_monitor(scores: NormalScores, run: Run, vehicle: VehicleParameter
     (names, magnitudes), (own_names, own_magnitudes) = (zip(*n, strict=True) for n in (scores.nodes, nodes_of(monitor)))
     # A vehicle file rounds.
     if names != own_names or not np.allclose(own_magnitudes, magnitudes, rtol=SAME_MAGNITUDE, atol=0.0):
-        raise InvalidNormalScoresError(
+        raise InvalidBaselineScoresError(
             "the calibration's normal scores are of another vehicle file; give the two that one 'identify' wrote"
         )
     return dataclasses.replace(monitor, problem=monitor.problem._replace(excess=scores.excess))
@@ -130,33 +130,33 @@ def nodes_of(monitor: Monitor) -> tuple[tuple[str, float], ...]:
     return tuple((node.name, node.magnitude) for node in monitor.problem.nodes)
 
 
-def read_normal_scores(path: str | Path) -> NormalScores:
+def read_baseline_scores(path: str | Path) -> BaselineScores:
     """Reads them from a calibration's JSON.
 
     Raises:
-        InvalidNormalScoresError: unreadable, not JSON, without any, or not what `identify` writes.
+        InvalidBaselineScoresError: unreadable, not JSON, without any, or not what `identify` writes.
     """
-    return normal_scores_of(read_json(path, InvalidNormalScoresError, REMEDY), path)
+    return baseline_scores_of(read_json(path, InvalidBaselineScoresError, REMEDY), path)
 
 
-def normal_scores_of(data: Any, path: str | Path) -> NormalScores:
+def baseline_scores_of(data: Any, path: str | Path) -> BaselineScores:
     """The same from the JSON's content; `path`: what is named in errors."""
     found = data.get("watching") if isinstance(data, dict) else None
     if found is None:
-        raise InvalidNormalScoresError(
+        raise InvalidBaselineScoresError(
             f"{path}: has no normal scores to watch with: the logs it was made of had no torque commands, or less than "
             f"8 s, or an older version wrote it; {REMEDY}, of logs with the column tau_cmd"
         )
     try:
         return scores_from_data(found)
     except (KeyError, TypeError, AttributeError):
-        raise InvalidNormalScoresError(f"{path}: 'watching' is not what 'identify' writes; {REMEDY}") from None
+        raise InvalidBaselineScoresError(f"{path}: 'watching' is not what 'identify' writes; {REMEDY}") from None
     except ValueError as error:
-        raise InvalidNormalScoresError(f"{path}: watching: {error}; {REMEDY}") from None
+        raise InvalidBaselineScoresError(f"{path}: watching: {error}; {REMEDY}") from None
 
 
-def scores_from_data(data: Mapping[str, Any]) -> NormalScores:
-    """What `NormalScores.as_data` wrote; KeyError, TypeError or ValueError where it is not that."""
+def scores_from_data(data: Mapping[str, Any]) -> BaselineScores:
+    """What `BaselineScores.as_data` wrote; KeyError, TypeError or ValueError where it is not that."""
     unknown = sorted(set(data["noise"]) - set(WATCHED))
     if unknown or not data["noise"]:
         raise ValueError(f"noise must be of {', '.join(WATCHED)}")
@@ -169,4 +169,4 @@ def scores_from_data(data: Mapping[str, Any]) -> NormalScores:
         float(np.abs(excess).max()), 1.0
     ):
         raise ValueError("excess must be symmetric, without negative directions")
-    return NormalScores(number(data["period"], lambda q: 0.0 < q < 1.0), noise, nodes, excess)
+    return BaselineScores(number(data["period"], lambda q: 0.0 < q < 1.0), noise, nodes, excess)

@@ -36,7 +36,7 @@ def mean_square(problem):
     return float(np.mean(e**2))
 
 
-def test_a_car_with_its_everyday_forces_is_followed(problem, everyday):
+def test_a_car_with_its_forces_of_the_discrepancy_is_followed(problem, everyday):
     taken_out = traced(problem.replace(everyday=everyday))
     assert mean_square(problem) > 2.0
     assert mean_square(taken_out) == pytest.approx(1.0, abs=0.1)
@@ -57,5 +57,5 @@ def test_the_trace_follows_the_filter(problem, everyday):
     assert mean_square(rough) < 1.0
 
 
-def test_without_everyday_forces_nothing_changes(problem):
+def test_without_forces_of_the_discrepancy_nothing_changes(problem):
     assert traced(problem) is problem

@@ -11,7 +11,7 @@ from drift_drake.car.effects.catalogue import CATALOGUE, shown_by
 from drift_drake.car.log.table import UNITS
 from drift_drake.gap.diagnosis.answers.answer import in_words
 from drift_drake.gap.diagnosis.calibrated.changed_car import squares
-from drift_drake.gap.diagnosis.calibrated.diagnose_day import DayDiagnosis
+from drift_drake.gap.diagnosis.calibrated.diagnose_change import ChangeDiagnosis
 from drift_drake.gap.diagnosis.reports.report import in_doubt, limit_rows
 from drift_drake.gap.estimation.normal import LOST, Normal
 from drift_drake.gap.estimation.reduction import STATES
@@ -20,10 +20,10 @@ from drift_drake.gap.estimation.scores import Day
 from drift_drake.gap.estimation.windows import HORIZONS, WindowedRun, regimes
 from drift_drake.gap.evidence.posterior import UNKNOWN
 from drift_drake.gap.evidence.ranges import REACH
-from drift_drake.view.pages.charts import LOW, NORMAL, Line, Panel, beside, reach_of, stacked
+from drift_drake.view.pages.charts import LOW, NORMAL, Line, Panel, reach_of, side_by_side, stacked
 from drift_drake.view.pages.page import GLOSSARY, Source, page_html
 
-TEMPLATE = Path(__file__).parent / "day_report.html"
+TEMPLATE = Path(__file__).parent / "change_report.html"
 REGIMES = (("speed", "m/s"), ("yaw rate times speed", "m/s²"), ("sideslip", "rad"), ("rim slip", "-"))
 MOST_SHOWN = 8  # hypotheses
 OF_THE_FILTER = ("nominal car", "innovation", "nat", "rear slip", "free-form forces")  # words that this report has not
@@ -42,7 +42,7 @@ class CoverageRow:
     beyond: float  # share of windows
 
 
-def coverage_rows(d: DayDiagnosis) -> tuple[list[CoverageRow], float]:
+def coverage_rows(d: ChangeDiagnosis) -> tuple[list[CoverageRow], float]:
     """By regime how far the day goes beyond what calibration drove, and the share of windows that do in any."""
     hard = np.concatenate([regimes(run) for run in d.search.day.runs])
     covered = d.search.normal.covered
@@ -54,13 +54,13 @@ def coverage_rows(d: DayDiagnosis) -> tuple[list[CoverageRow], float]:
     return rows, float(np.mean(np.any(beyond, axis=1)))
 
 
-def worst_run(d: DayDiagnosis) -> int:
+def worst_run(d: ChangeDiagnosis) -> int:
     """Index of the run that holds the largest share of the gap."""
     runs = d.answer.where["runs"]
     return max(range(len(d.search.day.runs)), key=lambda k: runs[d.search.day.runs[k].name])
 
 
-def nearest_names(d: DayDiagnosis) -> tuple[str, ...]:
+def nearest_names(d: ChangeDiagnosis) -> tuple[str, ...]:
     """Effects of the nearest hypothesis to an unknown gap, if it removes some of it."""
     nearest = d.answer.details.get("nearest") or {}
     return d.ranked.leading.names if d.answer.verdict == UNKNOWN and (nearest.get("removes") or 0.0) > 0.0 else ()
@@ -100,7 +100,7 @@ def by_horizon(day: Day, normal: Normal, cars: Cars) -> Markup:
         usual = Line("day of calibration", at, normal.scales[:, i] / MAD, NORMAL)
         lines = [Line(name, at, np.median(np.abs(e[..., i]), axis=0), dots=True) for name, e in cars.items()]
         panels.append(Panel(f"{state} [{UNITS[state]}]", [usual, *lines], 140))
-    return beside(panels, "ahead [s]")
+    return side_by_side(panels, "ahead [s]")
 
 
 def time_line(day: Day, normal: Normal, cars: Cars, onset: Mapping[str, float]) -> Markup:
@@ -116,7 +116,7 @@ def time_line(day: Day, normal: Normal, cars: Cars, onset: Mapping[str, float]) 
     return stacked(panels)
 
 
-def pictures(d: DayDiagnosis) -> dict[str, Markup]:
+def pictures(d: ChangeDiagnosis) -> dict[str, Markup]:
     """What shows the gap; nothing where there is none, and no corrected car where no cause is named."""
     if d.answer.verdict == "none":
         return {}
@@ -132,7 +132,7 @@ def pictures(d: DayDiagnosis) -> dict[str, Markup]:
     }
 
 
-def report_html(d: DayDiagnosis, source: Source | None = None) -> str:
+def report_html(d: ChangeDiagnosis, source: Source | None = None) -> str:
     """The report's HTML; nothing is loaded from elsewhere."""
     answer, search, source = d.answer, d.search, source or Source()
     limits = limit_rows(answer.details["detection"], search.vehicle)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from drift_drake.gap.diagnosis.answers.answer import UnplannableError
-from drift_drake.gap.diagnosis.calibrated.posterior import DetectionLimit, day_beliefs, hidden
+from drift_drake.gap.diagnosis.calibrated.posterior import DetectionLimit, change_beliefs, hidden
 from drift_drake.gap.evidence.constants import PRIORS
 from drift_drake.gap.next_drive.foresight import beliefs_of
 from drift_drake.gap.next_drive.plan import NextDriveConfig, plan_from_answer
@@ -29,7 +29,7 @@ def test_after_none_the_rivals_are_what_the_logs_could_not_show(plain_day):
     far = {name: DetectionLimit("-", None, "none") for name in ("friction_level", "torque_gain_error")}
     near = {name: DetectionLimit("-", 0.01 * r.high, "none") for name, r in search.ranges.items() if name not in far}
     assert hidden(search, far | near)[0] == "friction_level"  # which changes more often from day to day
-    data = day_beliefs(search, plain_day.ranked, [search.none()], far | near, PRIORS)
+    data = change_beliefs(search, plain_day.ranked, [search.none()], far | near, PRIORS)
     assert list(data["hypotheses"]) == ["none", "friction_level", "torque_gain_error"]
     assert data["hypotheses"]["torque_gain_error"]["theta"][-1] == pytest.approx(-0.15)  # half of its practical range
     details = plain_day.answer.details | {"beliefs": data}
@@ -39,10 +39,10 @@ def test_after_none_the_rivals_are_what_the_logs_could_not_show(plain_day):
     assert 0.0 < sensing.row_weight < 0.01
 
 
-def test_a_drive_is_planned_from_another_days_answer(late_day, other_car):
+def test_a_drive_is_planned_from_the_answer_to_a_change(late_day, other_car):
     limits = {"friction_level": DetectionLimit("-", None, "none")}
     none = dataclasses.replace(late_day.ranked, leading=late_day.search.none(), probabilities={"none": 1.0})
-    data = day_beliefs(late_day.search, none, [late_day.search.none()], limits, PRIORS)
+    data = change_beliefs(late_day.search, none, [late_day.search.none()], limits, PRIORS)
     answer = dataclasses.replace(late_day.answer, details=late_day.answer.details | {"beliefs": data})
     short = NextDriveConfig(steps=15, v_end=11.0, starts=1, max_iterations=15)
     drive = plan_from_answer(answer, other_car.found.vehicle, short, other_car.found.effects)
@@ -53,7 +53,7 @@ def test_a_drive_is_planned_from_another_days_answer(late_day, other_car):
 def test_without_torque_there_is_nothing_to_plan(late_day):
     runs = [dataclasses.replace(run, fed=True) for run in late_day.search.day.runs]
     fed = late_day.search.on(dataclasses.replace(late_day.search.day, runs=runs))
-    assert day_beliefs(fed, late_day.ranked, [], {}, PRIORS) == {}
+    assert change_beliefs(fed, late_day.ranked, [], {}, PRIORS) == {}
     answer = dataclasses.replace(late_day.answer, details=late_day.answer.details | {"beliefs": {}})
     with pytest.raises(UnplannableError, match="late: "):
         beliefs_of(answer)

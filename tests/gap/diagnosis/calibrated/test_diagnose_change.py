@@ -10,8 +10,8 @@ import pytest
 from drift_drake.car.log.table import InvalidLogError
 from drift_drake.gap.diagnosis.answers.answer import read_answer
 from drift_drake.gap.diagnosis.answers.apply import corrected_vehicle
-from drift_drake.gap.diagnosis.calibrated import diagnose_day as another_day
-from drift_drake.gap.diagnosis.calibrated.diagnose_day import (
+from drift_drake.gap.diagnosis.calibrated import diagnose_change as changed_day
+from drift_drake.gap.diagnosis.calibrated.diagnose_change import (
     brought_along,
     false_alarm_rate,
     left_over_sentence,
@@ -145,10 +145,10 @@ def shrinking(by):
     return reduction
 
 
-def test_a_cause_that_cannot_be_told_from_zero_is_none(late_day, monkeypatch):
-    monkeypatch.setattr(another_day, "reduction", shrinking({("gyro_bias",): 0.9}))
-    monkeypatch.setattr(another_day, "gross", lambda *_: 1.0)
-    monkeypatch.setattr(another_day, "stated", lambda _, h: h)
+def test_a_cause_that_cannot_be_distinguished_from_zero_is_none(late_day, monkeypatch):
+    monkeypatch.setattr(changed_day, "reduction", shrinking({("gyro_bias",): 0.9}))
+    monkeypatch.setattr(changed_day, "gross", lambda *_: 1.0)
+    monkeypatch.setattr(changed_day, "stated", lambda _, h: h)
     none = Hypothesis((), np.zeros(0), np.zeros((0, 0)), 40.0, -40.0)
     found, _ = ranked_hypotheses(late_day.search, none, [hypothesis("gyro_bias", 0.03, deviation=0.02)], PRIORS)
     assert found.leading.names == ()
@@ -160,14 +160,14 @@ def test_what_recordings_differ_by_is_no_gross_gap(late_day):
     search, none = late_day.search, late_day.search.none()
     apart = dataclasses.replace(search.normal, recording=100.0 * search.normal.recording)
     alike = dataclasses.replace(search.normal, recording=0.0 * search.normal.recording)
-    sizes = [another_day.gross(SimpleNamespace(day=search.day, normal=normal), none) for normal in (alike, apart)]
+    sizes = [changed_day.gross(SimpleNamespace(day=search.day, normal=normal), none) for normal in (alike, apart)]
     assert sizes[1] < 0.5 * sizes[0]
 
 
 def test_causes_that_remove_nothing_are_none_however_many(late_day, monkeypatch):
-    monkeypatch.setattr(another_day, "reduction", shrinking({("mass_error",): 0.4}))
-    monkeypatch.setattr(another_day, "gross", lambda *_: 1.0)
-    monkeypatch.setattr(another_day, "stated", lambda _, h: h)
+    monkeypatch.setattr(changed_day, "reduction", shrinking({("mass_error",): 0.4}))
+    monkeypatch.setattr(changed_day, "gross", lambda *_: 1.0)
+    monkeypatch.setattr(changed_day, "stated", lambda _, h: h)
     none = Hypothesis((), np.zeros(0), np.zeros((0, 0)), 60.0, -60.0)
     useless = [hypothesis(name, 0.03, nats=float(i)) for i, name in
                enumerate(("gyro_bias", "sideslip_bias", "road_grade", "cg_shift", "aero_drag"))]  # fmt: skip

@@ -4,7 +4,7 @@ import numpy as np
 
 from drift_drake.car.effects.catalogue import CATALOGUE
 from drift_drake.car.parameters import VehicleParameters
-from experiments.gap.everyday_misfit import MISFITS, counts, drawn_days, numbers, table
+from experiments.gap.model_discrepancy import MISFITS, counts, drawn_days, numbers, table
 
 
 def test_misfits_take_turns_and_the_second_day_adds_one_effect():

@@ -97,15 +97,17 @@ class Looks:
     squared_influence: np.ndarray  # [block lengths, parameters]
 
 
-def everyday_misfit(found: Estimate) -> tuple[float, Everyday | None]:
+def model_discrepancy(found: Estimate) -> tuple[float, Everyday | None]:
     """The row weight of the calibrated car as it is, and the forces that it lacks; None if they bring nothing."""
     theta, prior = found.theta, prior_precision(found.problem, len(found.theta))
     looks = looked_at(found)
     plain, whole = row_weight(found, looks), summed_equations(looks.by_fold)
     precision = 1.0 / regress(whole, theta, prior).scales[whole.channel_of] ** 2
     others = [summed_equations([part for i, part in enumerate(looks.by_fold) if i != fold]) for fold in range(FOLDS)]
-    beside = row_weight(found, looked_at(found, [held(of, precision) for of in others]))
-    return plain, as_everyday(found, held(whole, precision), whole.channel_of, beside) if beside > plain else None
+    corrected = row_weight(found, looked_at(found, [held(of, precision) for of in others]))
+    return plain, as_discrepancy(
+        found, held(whole, precision), whole.channel_of, corrected
+    ) if corrected > plain else None
 
 
 def looked_at(found: Estimate, weights: Sequence[np.ndarray] = ()) -> Looks:
@@ -132,7 +134,7 @@ def held(of: Equations, precision: np.ndarray) -> np.ndarray:
     return -np.linalg.solve(weights.hessian + np.diag(precision), weights.gradient)
 
 
-def as_everyday(found: Estimate, weights: np.ndarray, channel_of: np.ndarray, row_weight: float) -> Everyday:
+def as_discrepancy(found: Estimate, weights: np.ndarray, channel_of: np.ndarray, row_weight: float) -> Everyday:
     """The weights by name."""
     used = np.all([run.used for run in found.problem.runs], axis=0)
     names = [name for name, there in zip(CHANNELS, used, strict=True) if there]
@@ -159,9 +161,11 @@ def scatter(of: Equations, theta: np.ndarray, prior: np.ndarray) -> list[float]:
     step = covariance @ (of.gradient + prior * theta)
     scores, information = [], []
     for part in of.weights:
-        told = covariance[np.ix_(part.columns, part.columns)]
+        own_covariance = covariance[np.ix_(part.columns, part.columns)]
         scores.append(part.gradient - part.cross @ step[part.columns])
-        information.append(np.diag(part.hessian) - np.sum((part.cross @ told) * part.cross, axis=1))
-    score, told_of, channels = np.concatenate(scores), np.concatenate(information), of.channel_of
+        information.append(np.diag(part.hessian) - np.sum((part.cross @ own_covariance) * part.cross, axis=1))
+    score, own_information, channels = np.concatenate(scores), np.concatenate(information), of.channel_of
     groups = [channels == channel for channel in np.unique(channels)]
-    return [float(np.sum(score[g] ** 2) / np.sum(told_of[g])) for g in groups if np.sum(told_of[g]) > 0.0]
+    return [
+        float(np.sum(score[g] ** 2) / np.sum(own_information[g])) for g in groups if np.sum(own_information[g]) > 0.0
+    ]

@@ -1,6 +1,6 @@
 """Does a diagnosis tell a new gap from the misfit that a calibrated car has every day? Simulated cars, two days each.
 
-    python -m experiments.gap.everyday_misfit --out runs/everyday_misfit
+    python -m experiments.gap.model_discrepancy --out runs/model_discrepancy
 
 Every car does something that neither the nominal equations nor the catalogue have (`gap.strange_effects`, or
 tyres of another shape). It is calibrated on the first day's drives (`identify`). On the second day it is diagnosed as
@@ -21,7 +21,7 @@ from drift_drake.car.given_vehicle import single_track_of
 from drift_drake.car.log.table import Run
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.common.run_folder import make_run_folder, write_json
-from drift_drake.gap.diagnosis.calibrated.diagnose_day import diagnose_day
+from drift_drake.gap.diagnosis.calibrated.diagnose_change import diagnose_change
 from drift_drake.gap.diagnosis.likelihood.diagnose import diagnose
 from drift_drake.gap.identification.calibration import Identification
 from drift_drake.gap.identification.identify import identify
@@ -58,7 +58,7 @@ class Config:
 class Days:
     """What a car is every day, and what is added to it on the second."""
 
-    everyday: Truth
+    baseline: Truth
     changed: Truth
 
 
@@ -77,7 +77,7 @@ def asked(found: Identification, runs: list[Run]) -> dict[str, Any]:
     """What a diagnosis of the calibrated car says of the second day's runs."""
     began, c = time.process_time(), found.calibration
     if c.normal is not None:
-        answer = diagnose_day(runs, found.vehicle, c.normal, own=found.effects, workers=1).answer
+        answer = diagnose_change(runs, found.vehicle, c.normal, own=found.effects, workers=1).answer
     else:
         car = single_track_of(found.vehicle)
         answer = diagnose(runs, car, workers=1, process_scale=c.trust.process, noise_scale=c.trust.noise,
@@ -98,13 +98,13 @@ def one_vehicle(config: Config, index: int) -> dict[str, Any]:
     vehicle = VehicleParameters()
     rng = np.random.default_rng([config.seed, index])
     days = drawn_days(rng, index, vehicle)
-    found = identify(make_case(days.everyday, vehicle, rng, config.duration), vehicle)
+    found = identify(make_case(days.baseline, vehicle, rng, config.duration), vehicle)
     answers = {}
-    for day, truth in (("changed", days.changed), ("same", days.everyday)):
+    for day, truth in (("changed", days.changed), ("same", days.baseline)):
         runs = make_case(truth, vehicle, np.random.default_rng([config.seed, index, 2]), config.duration)
         answers[day] = asked(found, runs)
     return {
-        "misfit": days.everyday.strange,
+        "misfit": days.baseline.strange,
         "effect": days.changed.effects,
         "criterion": found.calibration.criterion,
         "answers": answers,
@@ -169,7 +169,7 @@ def counts(found: dict[str, Any]) -> str:
 
 def main(config: Config) -> None:
     """Does the cars that are not done yet, and sums up."""
-    folder = make_run_folder("everyday_misfit", config.out)
+    folder = make_run_folder("model_discrepancy", config.out)
     results: Results = []
     for results in each_vehicle(folder, config, config.vehicles, one_vehicle):
         write_json(folder / "numbers.json", numbers(results))

@@ -10,7 +10,7 @@ from experiments.pictures.effects_map import columns
 from experiments.pictures.look import BLUE, GREEN, ORANGE, PINK, SMALL, WIDTH, YELLOW, arrow, box, canvas, for_pages
 
 PACKAGE = Path(drift_drake.__file__).parent
-ROOMS = {  # from the top: what is in it, and the colour of the box
+LAYERS = {  # from the top: what is in it, and the colour of the box
     "cli": ("the command line: a file a command", INK),
     "gap": ("a car understood: logs, calibration, diagnosis", PINK),
     "view": ("pictures, reports, replays, exports", YELLOW),
@@ -27,30 +27,30 @@ def modules(folder: Path) -> int:
     return len(list(folder.rglob("*.py")))
 
 
-def folders(room: str) -> list[str]:
+def folders(layer: str) -> list[str]:
     """Those of a room, with their numbers of modules."""
-    found = [path for path in (PACKAGE / room).iterdir() if path.is_dir() and (path / "__init__.py").is_file()]
+    found = [path for path in (PACKAGE / layer).iterdir() if path.is_dir() and (path / "__init__.py").is_file()]
     return [f"{path.name}: {modules(path)}" for path in found]
 
 
 @for_pages
 def draw() -> Figure:
     """Boxes from the command line down to what everything rests on."""
-    rows = {room: columns(folders(room)) for room in ROOMS}
-    heights = {room: TITLE + ROW * (1 + len(rows[room])) + PAD for room in ROOMS}
-    total = sum(heights.values()) + GAP * (len(ROOMS) - 1) + 2 * EDGE
+    rows = {layer: columns(folders(layer)) for layer in LAYERS}
+    heights = {layer: TITLE + ROW * (1 + len(rows[layer])) + PAD for layer in LAYERS}
+    total = sum(heights.values()) + GAP * (len(LAYERS) - 1) + 2 * EDGE
     figure, axes = canvas(total)
     top = total - EDGE
-    for room, (words, colour) in ROOMS.items():
-        box(axes, EDGE, top - heights[room], WIDTH - 2 * EDGE, heights[room], colour)
-        axes.text(EDGE + 0.1, top - 0.5 * TITLE, f"{room}: {modules(PACKAGE / room)} modules", va="center",
+    for layer, (words, colour) in LAYERS.items():
+        box(axes, EDGE, top - heights[layer], WIDTH - 2 * EDGE, heights[layer], colour)
+        axes.text(EDGE + 0.1, top - 0.5 * TITLE, f"{layer}: {modules(PACKAGE / layer)} modules", va="center",
                   weight="bold", size=SMALL)  # fmt: skip
-        for i, row in enumerate([(words,), *rows[room]]):
+        for i, row in enumerate([(words,), *rows[layer]]):
             for j, text in enumerate(row):
                 axes.text(EDGE + 0.1 + j * COLUMN, top - TITLE - (i + 0.45) * ROW, text, va="center", size=SMALL,
                           style="italic" if i == 0 else "normal")  # fmt: skip
-        top -= heights[room]
-        if room != "common":
+        top -= heights[layer]
+        if layer != "common":
             arrow(axes, (0.5 * WIDTH, top), (0.5 * WIDTH, top - GAP))
             top -= GAP
     return figure

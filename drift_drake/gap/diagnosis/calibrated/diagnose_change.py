@@ -22,7 +22,7 @@ from drift_drake.gap.diagnosis.calibrated.changed_car import judged, left_in, re
 from drift_drake.gap.diagnosis.calibrated.gross_gap import judged_by_errors
 from drift_drake.gap.diagnosis.calibrated.posterior import (
     at_bound,
-    day_beliefs,
+    change_beliefs,
     detection_limits,
     interval,
     not_excluded,
@@ -57,7 +57,7 @@ SINGLES, PAIRS = 10, 3  # leading ones that are judged at the changed car
 
 
 @dataclasses.dataclass(frozen=True)
-class DayDiagnosis:
+class ChangeDiagnosis:
     """The answer, and what a report is drawn from."""
 
     answer: Answer
@@ -66,12 +66,12 @@ class DayDiagnosis:
     reduction: Reduction
 
 
-def diagnose_day(
+def diagnose_change(
     runs: Sequence[Run], vehicle: CarParameters, normal: Normal,
     own: Effects = Effects(),
     case: str = "case", workers: int = 2, progress: Progress | None = None, constants: PosteriorConstants | None = None,
     catalogue: Sequence[str] = tuple(CATALOGUE), false_alarms: float = FALSE_ALARMS,
-) -> DayDiagnosis:  # fmt: skip
+) -> ChangeDiagnosis:  # fmt: skip
     """Diagnoses the runs of one day.
 
     Args:
@@ -104,7 +104,7 @@ def diagnose_day(
     h = found.leading
     named = found.verdict == "effect"
     if named:
-        warnings += [unseen_sentence(name, q) for name, q in h.beside.items()]
+        warnings += [unseen_sentence(name, q) for name, q in h.additional.items()]
     left = left_over_of(search, found, shrinks, none)
     warnings += [left_over_sentence(left)] if left else []
     warnings += noise.sentences()
@@ -120,12 +120,12 @@ def diagnose_day(
             "left_over": left,
             "suspicions": [dataclasses.asdict(doubt) for doubt in doubts],
             "detection": {name: dataclasses.asdict(limit) for name, limit in limits.items()},
-            "beliefs": day_beliefs(search, found, [none, *others, h], limits, constants),
+            "beliefs": change_beliefs(search, found, [none, *others, h], limits, constants),
         },
         warnings=[*warnings, *more],
     )  # fmt: skip
     tell("done", 1.0)
-    return DayDiagnosis(answer, search, found, shrinks)
+    return ChangeDiagnosis(answer, search, found, shrinks)
 
 
 def false_alarm_rate(normal: Normal, asked: float) -> dict[str, Any]:

@@ -12,7 +12,7 @@ from drift_drake.gap.estimation.problem import filter_case, flat, make_problem
 from drift_drake.gap.estimation.reduction import FOLDS, measured_fold
 from drift_drake.gap.estimation.regression import Responses, equations, summed_equations
 from drift_drake.gap.identification.estimate import estimate
-from drift_drake.gap.identification.everyday_misfit import everyday_misfit, looked_at, scatter
+from drift_drake.gap.identification.model_discrepancy import looked_at, model_discrepancy, scatter
 from experiments.benchmarks.compiled_cases import make_case
 from experiments.benchmarks.truths import Truth
 
@@ -81,14 +81,14 @@ def test_one_run_s_derivatives_are_held_at_a_time(strange, monkeypatch):
             held.append(sum(weights() is not None for weights in made))
             yield run
 
-    monkeypatch.setattr("drift_drake.gap.identification.everyday_misfit.responses", watched)
+    monkeypatch.setattr("drift_drake.gap.identification.model_discrepancy.responses", watched)
     looked_at(strange)
     assert len(made) == 2 * len(strange.problem.runs)
     assert max(held) <= 4  # a run's, and those of the next while they are made
 
 
-def test_what_a_car_lacks_every_day_makes_its_rows_worth_more(strange):
-    plain, everyday = everyday_misfit(strange)
+def test_what_a_car_lacks_every_day_raises_the_likelihoods_weight(strange):
+    plain, everyday = model_discrepancy(strange)
     assert plain < 0.5
     assert plain < everyday.row_weight <= 1.0
     assert set(everyday.forces) == set(FORCE_CHANNELS)

@@ -313,7 +313,7 @@ def pair(names, magnitudes, log_evidence):
 def test_what_belongs_to_a_cars_build_does_not_change_by_the_day():
     h = as_change(pair(("steering_offset", "tyre_relaxation"), [0.02, 0.3], -5.0))
     assert h.names == ("steering_offset",)
-    assert h.beside == {"tyre_relaxation": 0.3}
+    assert h.additional == {"tyre_relaxation": 0.3}
     np.testing.assert_array_equal(h.covariance, [[1e-4]])
     day = SimpleNamespace(constants=CAR.constants())
     assert h.effects(day) == {"steering_offset": 0.02, "tyre_relaxation": 0.3}
@@ -323,7 +323,7 @@ def test_what_belongs_to_a_cars_build_does_not_change_by_the_day():
         assert as_change(both) is both
 
 
-def test_the_better_of_two_of_a_name_is_believed_and_pays_for_what_is_beside_it():
+def test_the_better_of_two_of_a_name_is_believed_and_pays_for_the_additional_one():
     alone = single("steering_offset", 0.02, 0.001, nats=35.0)
     joint = as_change(pair(("steering_offset", "tyre_relaxation"), [0.018, 0.3], -5.0))
     found = ranked([NONE, alone, joint], 28, PRIORS)

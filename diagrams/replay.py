@@ -1,4 +1,4 @@
-"""A log beside what the nominal and the corrected simulator make of its commands: one diagram, restarted every second.
+"""A log next to what the nominal and the corrected simulator make of its commands: one diagram, restarted every second.
 
 python -m diagrams.replay RUN.csv --vehicle car.yaml --corrected corrected.yaml
 python -m diagrams.replay RUN.csv --vehicle car.yaml --corrected corrected.yaml --graph    # draws the diagram

@@ -10,7 +10,7 @@ from drift_drake.drive.learnt.samples import Samples
 
 
 def samples_of(run: Run) -> Samples:
-    """Steps of 0.1 s; the position beside a path does not matter here."""
+    """Steps of 0.1 s; the position relative to a path does not matter here."""
     columns = {name: run.column(name) for name in ("t", "r", "v", "beta", "omega_r", "delta_cmd", "tau_cmd")}
     return samples_from_log(pd.DataFrame(columns).assign(e=0.0, dphi=0.0, s=0.0), None, 0, 0)
 

@@ -1,4 +1,4 @@
-"""Your own car: its parameters in a vehicle file, an effect that it has beside them, and a log of it driving."""
+"""Your own car: its parameters in a vehicle file, an additional effect, and a log of it driving."""
 
 from pathlib import Path
 

@@ -18,7 +18,7 @@ def side_wind(r: Any, v: Any, beta: Any, omega_r: Any, psi: Any, car: Any, magni
 
 
 SIDE_WIND = Effect(
-    "N", -1500.0, 1500.0, "a wind pushes with q along the fixed frame's y",
+    "N", -1500.0, 1500.0, "a wind acts with q along the fixed frame's y",
     needs=("psi",), mass=1.0, shown_by="straight stretches there and back", force=side_wind,
 )  # fmt: skip
 
@@ -28,7 +28,7 @@ def main() -> tuple[float, float, float]:
     car = VehicleParameters()
     force: tuple[float, float, float] = side_wind(0.0, 20.0, 0.0, 20.0, 0.0, car.constants(), 800.0)
     low, high = SIDE_WIND.range_for(car.replace(mass=825.0))
-    print(f"800 N of wind push with {force}; a car of half the mass has {low:.0f} to {high:.0f} N")
+    print(f"800 N of wind act with {force}; a car of half the mass has {low:.0f} to {high:.0f} N")
     return force
 
 

@@ -29,7 +29,7 @@ OTHER_DECIMALS = 5  # of angles [rad]
 
 
 def main() -> None:
-    """Writes the case folder; the truth beside it is read by the demo's last section only."""
+    """Writes the case folder; the truth next to it is read by the demo's last section only."""
     vehicle, rng = VehicleParameters(), np.random.default_rng(secrets.randbits(128))
     name = str(rng.choice([effect for effect in CATALOGUE if effect not in SENSORS]))
     truth = Truth({name: drawn_magnitude(rng, name, vehicle.tolerance)}, {}, drawn_deviations(rng, vehicle.tolerance))

@@ -46,7 +46,7 @@ BELIEVES = {
     "online": "the prior, adapting while it drifts",
     "oracle": "the true car, effects and all",
 }
-COMPARED = ("nominal", "twice_info", "oracle")  # over the path: more lines could not be told apart
+COMPARED = ("nominal", "twice_info", "oracle")  # over the path: more lines could not be distinguished
 
 
 def picture(figure: Figure) -> Markup:
@@ -70,7 +70,7 @@ def embedded(page: str) -> str:
 
 
 def replayed_log(diagnosis: Diagnosis, log: Path) -> tuple[str, Comparison, dict[str, pd.DataFrame]]:
-    """The run with the largest gap, beside the nominal and the corrected car: its name, errors and tables."""
+    """The run with the largest gap, with the nominal and the corrected car: its name, errors and tables."""
     vehicle, answer = VehicleParameters(), diagnosis.answer
     shares = answer.where["runs"]
     run = max(read_case(log), key=lambda run: float(shares.get(run.name, 0.0)))
@@ -80,7 +80,7 @@ def replayed_log(diagnosis: Diagnosis, log: Path) -> tuple[str, Comparison, dict
 
 
 def hidden(truth: Mapping[str, Any], diagnosis: Diagnosis) -> list[dict[str, Any]]:
-    """What the log hides beside what was answered, effect by effect."""
+    """What the log hides, and what was answered, effect by effect."""
     answer = diagnosis.answer
     names = sorted({*truth["effects"], *answer.causes})
     return [

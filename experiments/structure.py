@@ -3,7 +3,7 @@
     python -m experiments.structure --out docs/structure.png
     python -m experiments.structure --commit 7d596cc --command cli
 
-Rooms are the folders of `drift_drake`. An arrow from one room to another says that a module of the first imports one
+The folders are those of `drift_drake`. An arrow from one folder to another says that a module of the first imports one
 of the second; arrows that follow from others are left out of the picture.
 """
 

@@ -87,7 +87,7 @@ class OtherCar:
         return self.found.calibration.normal
 
     def day(self, effects: dict[str, float], index: int, duration: float = OTHER_CAR.duration) -> list[Run]:
-        """Runs of another day of the same car with effects, each of `duration` [s]."""
+        """Runs of a later day of the same car with effects, each of `duration` [s]."""
         return make_day(dataclasses.replace(OTHER_CAR, duration=duration), effects, DAY_ONE, index)
 
 

@@ -45,7 +45,7 @@ def docstring(name: str) -> str:
 
 @pytest.fixture(scope="module")
 def names(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
-    """What docs/api.md says that examples use beside the library's names, and the folder that they run in."""
+    """What docs/api.md says that examples use in addition to the library's names, and the folder that they run in."""
     folder = tmp_path_factory.mktemp("api")
     public = {name: getattr(drift_drake, name) for name in drift_drake.__all__}
     car, x = drift_drake.VehicleParameters(), np.array([[0.0, 15.0, 0.0, 15.0, 0.0, 0.0]])

@@ -64,7 +64,7 @@ def said(command: str) -> subprocess.CompletedProcess[str]:
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs a device that is always full")
 def test_standard_output_that_is_full_is_one_sentence() -> None:
     full = said("--help > /dev/full")
-    sentence = "drift-drake: standard output cannot be written (No space left on device); make room, or give it "
+    sentence = "drift-drake: standard output cannot be written (No space left on device); free some space, or give it "
     assert (full.returncode, full.stderr) == (BAD_INPUT, sentence + "another place\n")
     assert said("nonsense 2> /dev/full").returncode == BAD_INPUT
 

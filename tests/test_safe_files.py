@@ -1,4 +1,4 @@
-"""Writing: whole or not at all, to where it is possible, and told."""
+"""Writing: whole or not at all, to where it is possible, and reported."""
 
 import errno
 import fcntl
@@ -135,7 +135,7 @@ def test_a_disk_that_is_full_is_reported_before_a_computation(tmp_path: Path, mo
 
 def test_no_two_processes_write_one_folder(tmp_path: Path) -> None:
     with alone_in(tmp_path):
-        write_text(tmp_path / "a.txt", "mine")  # its own files beside
+        write_text(tmp_path / "a.txt", "mine")  # its own files next to it
         script = "from pathlib import Path\nfrom drift_drake.common.safe_files import alone_in\nimport sys\n"
         script += "with alone_in(Path(sys.argv[1])): pass"
         other = subprocess.run([sys.executable, "-c", script, str(tmp_path)], capture_output=True, text=True)

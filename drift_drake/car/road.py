@@ -32,7 +32,7 @@ def on_road(bank: Array | None, mass: float, gravity: float, effects: Effects) -
 
 
 def with_bank(push: Array, banked: Array) -> Array:
-    """Pushes [rows, 3] together, either of them without rows where there is none."""
+    """The sum of two wrenches [rows, 3], either of them without rows where there is none."""
     if not len(banked):
         return push
     return banked + push if len(push) else banked

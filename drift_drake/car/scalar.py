@@ -31,7 +31,7 @@ def _on_objects(x: Any, ufunc: np.ufunc) -> Any:
 def _elementary(plain: Callable[[float], float], ufunc: np.ufunc, complex_step: Callable[[complex], complex]) -> Any:
     """NumPy's function on everything: `plain` on a float, `complex_step` on compiled complex numbers.
 
-    The imaginary part of a complex step is so small that its square is nothing beside the real part: there the
+    The imaginary part of a complex step is so small that its square is nothing relative to the real part: there the
     function's value and slope at the real part are exact, and several times faster than the complex function.
     """
     stepped = jitable(complex_step)

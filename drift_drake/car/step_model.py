@@ -10,7 +10,7 @@ from drift_drake.car.parameters import Constants, VehicleParameters
 from drift_drake.car.single_track.motion import linearize_point
 from drift_drake.common.arrays import Array
 
-STEP, SUBSTEPS = 0.1, 8  # [s] of a model that is not told otherwise, and its sub-steps
+STEP, SUBSTEPS = 0.1, 8  # [s] of a model that is not given another, and its sub-steps
 DIFFERENCE = np.array([1e-5, 1e-4, 1e-5, 1e-4, 1e-5, 1e-5])  # of the six states, for central differences
 INPUT_DIFFERENCE = np.array([1e-5, 1e-3])
 INTERNAL_DIFFERENCE = 1e-5  # of `internal_scale`

@@ -105,7 +105,7 @@ def _checked(where: str, tyre: Any) -> Callable[..., Any]:
                 f"{where}: gives {secant * sigma:g} N at a slip of {sigma:g} and a peak of {TRIAL_PEAK:g} N; let it "
                 "give the force over the slip, and forces within the peak"
             )
-        # Of the secant times 1 / sigma, so that what is small beside it does not matter.
+        # Of the secant times 1 / sigma, so that what is small relative to it does not matter.
         if not math.isclose((after - secant) / STEP, slope * sigma, rel_tol=LOOSE, abs_tol=LOOSE * secant):
             raise InvalidExtensionError(
                 f"{where}: its derivative at a slip of {sigma:g} is {slope:g} N, but by differences "

@@ -77,7 +77,7 @@ def usable_days(folder: Path, days: Sequence["FleetDay"]) -> list["FleetDay"]:
     kept = [day for day in days if day.sums.rows > 0.0]
     why = "less than 2 s can be judged: at rest, nearly so, or sideways"
     if not kept:
-        raise InvalidLogError(f"{folder}: of every day {why}; give days of driving")
+        raise InvalidLogError(f"{folder}: of each day {why}; give days of driving")
     if others := [f"{day.car}/{day.name}" for day in days if not day.sums.rows > 0.0]:
         print(f"left out, since {why}: {', '.join(others)}", file=sys.stderr)
     return kept

@@ -202,5 +202,8 @@ def _answer(error: BaseException, came: Sequence[signal.Signals], kept: str) -> 
         # A path that the system refuses: too long a name, a folder that may not be read.
         return f"{shown(str(error.filename))}: cannot be used ({error.strerror}); give another path", BAD_INPUT
     if isinstance(error, OSError) and error.errno in NO_PLACE:
-        return f"standard output cannot be written ({error.strerror}); make room, or give it another place", BAD_INPUT
+        return (
+            f"standard output cannot be written ({error.strerror}); free some space, or give it another place",
+            BAD_INPUT,
+        )
     return None

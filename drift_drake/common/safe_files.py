@@ -1,4 +1,4 @@
-"""Writing that loses nothing: to a temporary file beside the destination, which takes its place once it is complete."""
+"""Writing that loses nothing: to a temporary file next to the destination, which takes its place once complete."""
 
 import contextlib
 import fcntl
@@ -96,7 +96,7 @@ def replacing(path: str | Path) -> Iterator[Path]:
     """The path of a temporary file to write, which replaces `path` at the end of the block.
 
     The folder is made. If the block raises, or the process ends within it, `path` keeps what it held. The temporary
-    file has the same name, which tells many writers the format, in a folder of its own beside `path`. A link is
+    file has the same name, which tells many writers the format, in a folder of its own next to `path`. A link is
     followed; what is no regular file (/dev/null, a pipe) is written to directly.
 
     Raises:
@@ -226,7 +226,7 @@ def _flush(path: Path) -> None:
 def _sentence(path: Path, error: Exception) -> str:
     path = Path(*[part for part in path.parts if not part.startswith(PARTIAL)])
     reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
-    return f"{path}: cannot be written ({reason}); give another place, or make room"
+    return f"{path}: cannot be written ({reason}); give another place, or free some space"
 
 
 def write_table(table: Any, path: str | Path, **options: Any) -> None:

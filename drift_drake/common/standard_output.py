@@ -19,7 +19,7 @@ from drift_drake.common.safe_files import STANDARD_OUTPUT
 
 __all__ = ["STANDARD_OUTPUT", "said_to", "write_results", "write_text"]
 Progress = Callable[[str, float], None]
-"""Is told a stage's name and the share done."""
+"""Is given a stage's name and the share done."""
 
 
 def said_to(json: Path | None) -> TextIO:
@@ -71,7 +71,7 @@ def _words(value: Any) -> list[str]:
 
 @contextlib.contextmanager
 def progress_bar(quiet: bool) -> Iterator[Progress]:
-    """A bar that is told a stage's name and the share done; nothing where `quiet`."""
+    """A bar that is given a stage's name and the share done; nothing where `quiet`."""
     with tqdm(total=100, disable=quiet, file=sys.stderr, bar_format="{l_bar}{bar}| {elapsed}") as bar:
 
         def show(stage: str, share: float) -> None:

@@ -49,7 +49,7 @@ class Strange(NamedTuple):
     grabbing_brake: Any = 0.0
     driveline_oscillation: Any = 0.0
     slippery_patch: Any = 0.0
-    tyre_curve: Any = 0.0  # no family of the blind check: an everyday misfit, from 0 to 1 (`rational_force`)
+    tyre_curve: Any = 0.0  # no family of the blind check: a model discrepancy, from 0 to 1 (`rational_force`)
 
 
 def make_strange(magnitudes: Mapping[str, float]) -> Strange:

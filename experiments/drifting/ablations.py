@@ -3,7 +3,7 @@
     python -m experiments.drifting.ablations                          # three vehicles, some 5 minutes of CPU each
     python -m experiments.drifting.ablations --parts belief --vehicles 5
 
-On the figure-8, what the controller believes goes from the nominal car to the truth, one thing more at a time:
+On the figure-8, what the controller believes goes from the nominal car to the truth, one step at a time:
 
 - `prior`, `online`: the features and the meta-trained prior, without and with adaptation on the way;
 - `twice_info`: what information gathering has taught (`twice_info_full`: with every sample at weight one, the paper's);

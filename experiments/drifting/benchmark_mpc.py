@@ -6,9 +6,9 @@
 A car moves along the figure-8's reference by 10 ms from one problem to the next, off it at random. Each problem is
 planned for every horizon in turn, as a function and by the `MpcController`, so that what else the machine does falls on
 all of them. All times are CPU times of one thread. The floor of a plan is its QPs' own time and that of the network's
-matrix products, bare. For the nominal car a real-time iteration stands beside SNOPT, warm-started on the same problems.
-Of a few problems the converged cost stands beside those of SNOPT and IPOPT by Drake, which have the model's Jacobians,
-and of IPOPT by CasADi where that is installed, which has second derivatives too.
+matrix products, bare. For the nominal car a real-time iteration is compared with SNOPT, warm-started on the same
+problems. Of a few problems the converged cost is compared with those of SNOPT and IPOPT by Drake, which have the
+model's Jacobians, and of IPOPT by CasADi where that is installed, which has second derivatives too.
 """
 
 import dataclasses

@@ -41,7 +41,7 @@ def drifting_errors(model: BayesianModel, belief: Posterior, samples: Samples) -
 def judged_by_halves(
     model: BayesianModel, beliefs: dict[str, Posterior], samples: Samples
 ) -> dict[str, dict[str, float]]:
-    """Errors on half of a vehicle's drives, beside those after learning from the other half: the best to be hoped for.
+    """Errors on half of a vehicle's drives, and those after learning from the other half: the best to be hoped for.
 
     Each half judges once; of the two the root mean square is taken (2 s: over those with drifts that last as long).
 

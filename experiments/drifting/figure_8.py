@@ -6,7 +6,7 @@
 
 The closed loop at 100 Hz, from a start in the drift as after the paper's hand-brake; see `drifting.runs` for
 the models, `common.executors` for clusters. Written: config.json, runs.csv, results.parquet (the same, where
-pyarrow is installed), numbers.json, report.md (the paper's Tables II and III beside ours), time_series.png,
+pyarrow is installed), numbers.json, report.md (the paper's Tables II and III and ours), time_series.png,
 overhead.png. Broken off, it goes on where it was (give --out).
 """
 

@@ -3,7 +3,7 @@
     python -m experiments.drifting.loops
 
 The prior that adapts as it drives against Twice-Info, not adapting and adapting; see `drifting.runs` for the
-models. Beside what the figure-8 reports: the distance from the beginning of the initiation until the drift is
+models. In addition to what the figure-8 reports: the distance from the beginning of the initiation until the drift is
 established, which for the paper's adapting prior was "upward of 150 meters". Broken off, it goes on where it was (give
 --out).
 """

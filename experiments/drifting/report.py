@@ -1,4 +1,4 @@
-"""What is reported of closed-loop runs: numbers by model, tables beside the paper's, and pictures."""
+"""What is reported of closed-loop runs: numbers by model, tables with the paper's, and pictures."""
 
 from collections.abc import Sequence
 from functools import partial
@@ -167,7 +167,7 @@ def refusal_sentence(summary: dict[str, Any]) -> str:
 
 
 def choice_sentence(runs: pd.DataFrame) -> str:
-    """What was believed by the drives, and what they identified with one thing more; empty where none was asked."""
+    """What was believed by the drives, and what they identified with an additional fault; empty if none was asked."""
     return "".join(_choice(runs[runs["model"] == model], LABELS[model]) for model in ("chosen_once", "chosen"))
 
 
@@ -179,8 +179,8 @@ def _choice(chosen: pd.DataFrame, label: str) -> str:
     named = ", ".join(f"{name} {count}" for name, count in more.items()) or "none"
     double = int(chosen["double_track"].sum())
     return (
-        f"{label[0].upper()}{label[1:]}: {believed}; identified with one thing more: {named}; as a double-track car: "
-        f"{double}.\n\n"
+        f"{label[0].upper()}{label[1:]}: {believed}; identified with an additional fault: {named}; "
+        f"as a double-track car: {double}.\n\n"
     )
 
 

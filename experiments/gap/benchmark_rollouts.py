@@ -1,4 +1,4 @@
-"""How many rollouts a second a diagnosis makes of each kind, beside the same car in Drake.
+"""How many rollouts a second a diagnosis makes of each kind, compared with the same car in Drake.
 
     python -m experiments.gap.benchmark_rollouts
 

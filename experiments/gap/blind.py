@@ -7,7 +7,7 @@
 
 Tiers: exact (one effect, the vehicle file exact), tolerance (one effect, the file off within tolerance), none, pair,
 family (an effect that the catalogue never had), removed (one effect, which the diagnosis's catalogue is made to lack).
-The seed is drawn by the operating system and sealed with the labels; their hash is in the manifest beside the cases.
+The seed is drawn by the operating system and sealed with the labels; their hash is in the manifest with the cases.
 `answer` and `score` write a table of all cases, results.parquet (results.csv without pyarrow).
 """
 
@@ -145,7 +145,7 @@ def answer_one(folder: Path, without: Sequence[str]) -> tuple[str, dict[str, Any
     vehicle = VehicleParameters.from_yaml(folder.parent.parent / "vehicle.yaml")
     catalogue = [name for name in CATALOGUE if name not in without]
     diagnosis = answer_folder(folder, vehicle, workers=1, catalogue=catalogue)
-    assert isinstance(diagnosis, Diagnosis)  # without another day's calibration
+    assert isinstance(diagnosis, Diagnosis)  # without a calibration
     evidence = {"+".join(f.names): e for f, e in diagnosis.found}
     fits = {"+".join(f.names): {n: [f.magnitudes[n], f.deviations[n]] for n in f.names} for f, _ in diagnosis.found}
     raw = {
@@ -208,7 +208,7 @@ def answered(out: Path, partial: bool = False) -> list[tuple[dict[str, Any], dic
 
 
 def scored_row(out: Path, label: dict[str, Any]) -> dict[str, Any]:
-    """A case's answer beside what it hid."""
+    """A case's answer and what it hid."""
     hidden = {f"true_{name}": size for name, size in label["effects"].items()}
     truth = {"tier": label["tier"], "true_causes": "+".join(sorted(label["effects"])), **hidden}
     return answer_row(read_answer(out / "answers" / f"{label['case']}.json")) | truth

@@ -1,4 +1,4 @@
-"""Does a diagnosis tell a new gap from the misfit that a calibrated car has every day? Simulated cars, two days each.
+"""Does a diagnosis tell a new gap from a calibrated car's model discrepancy? Simulated cars, two days each.
 
     python -m experiments.gap.model_discrepancy --out runs/model_discrepancy
 
@@ -31,7 +31,7 @@ from experiments.benchmarks.truths import Truth, drawn_deviations, drawn_magnitu
 from experiments.gap.each_vehicle import Results, each_vehicle
 from experiments.made import write_report
 
-MISFITS = {  # the least and the largest magnitude; a sign is drawn for the compliance steer and the brake
+DISCREPANCIES = {  # the least and the largest magnitude; a sign is drawn for the compliance steer and the brake
     "tyre_curve": (0.05, 0.3),
     "aligning_moment": (0.01, 0.03),
     "rear_compliance_steer": (0.0006, 0.002),
@@ -44,7 +44,7 @@ SIGNED = ("rear_compliance_steer", "grabbing_brake")
 
 @dataclasses.dataclass(frozen=True)
 class Config:
-    """Gaps of the second day beside the misfit of every day."""
+    """Gaps of the second day in addition to the discrepancy."""
 
     out: Path | None = None
     """Run folder; one that exists is gone on with."""
@@ -64,9 +64,9 @@ class Days:
 
 def drawn_days(rng: np.random.Generator, index: int, vehicle: VehicleParameters) -> Days:
     """One car; misfits take turns."""
-    kind = list(MISFITS)[index % len(MISFITS)]
+    kind = list(DISCREPANCIES)[index % len(DISCREPANCIES)]
     sign = -1.0 if kind in SIGNED and rng.uniform() < 0.5 else 1.0
-    strange = {kind: sign * float(rng.uniform(*MISFITS[kind]))}
+    strange = {kind: sign * float(rng.uniform(*DISCREPANCIES[kind]))}
     deviations = drawn_deviations(rng, vehicle.tolerance)
     name = str(rng.choice(list(CATALOGUE)))
     effect = {name: drawn_magnitude(rng, name, vehicle.tolerance)}

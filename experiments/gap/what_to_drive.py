@@ -5,7 +5,7 @@
 Cars with one withheld effect each, and deviations from their file within tolerance, are driven gently: along a lane
 with one slow sway. Where the diagnosis of that log does not give the truth nine tenths of the probability, and `none`
 or an effect is its rival, the next drive is planned from the answer alone and driven (Drake plants, the tracking
-feedback, the sensors' noise), beside two drives of the same length and lane that anyone would think of: straight
+feedback, the sensors' noise), compared with two drives of the same length and lane that anyone would think of: straight
 acceleration and a slalom. Each is diagnosed together with the first log. All cases found ambiguous are shown.
 Broken off, the experiment goes on where it was (give --out).
 """

@@ -69,7 +69,7 @@ def _bounds(plans: Sequence[Trajectory]) -> dict[str, float]:
 
 
 def found_of(job: Job) -> dict[str, Any]:
-    """How many first plans converged, or what two drives of a vehicle have told."""
+    """How many first plans converged, or what two drives of a vehicle have gained."""
     options, alpha, vehicle = job
     model, config = load_model(paper_checkpoint()), as_in_paper(GatheringConfig(), alpha)
     if vehicle < 0:
@@ -94,7 +94,7 @@ def found_of(job: Job) -> dict[str, Any]:
 
 
 def summarise(options: AlphaConfig, found: Mapping[tuple[float, int], dict[str, Any]]) -> dict[str, Any]:
-    """By weight: plans that failed, and what the drives have told; and which weight is chosen."""
+    """By weight: plans that failed, and what the drives have gained; and which weight is chosen."""
     weights = {}
     for alpha in options.alphas:
         of_vehicles = [entry for (weight, vehicle), entry in found.items() if weight == alpha and vehicle >= 0]

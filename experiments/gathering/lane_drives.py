@@ -1,4 +1,4 @@
-"""Makes the short lane drives that meta-training takes its contexts from: what the car is told before it must drift.
+"""Makes the short lane drives that meta-training takes its contexts from: what a drive shows before the car must drift.
 
     python -m experiments.gathering.lane_drives
     python -m experiments.gathering.lane_drives --round 1 --checkpoint runs/bayesian_model.npz
@@ -6,7 +6,7 @@
 Information gathering teaches the model on a straight lane and asks it to drift. So that the prior learns how the one
 tells of the other, each training vehicle is driven along the same lane: slaloms of random sizes, Info-OCP's plans from
 random first guesses under random weights and bounds, random steering, and Info-OCP's plans for that very vehicle, from
-what the drives before have told of it. Written: one table of samples for each population, every tenth row
+what the drives before have shown of it. Written: one table of samples for each population, every tenth row
 (`train_lane.npz`) and all ten phases of that (`train_lane_phases.npz`). What a model plans depends on its features:
 rounds after the first are planned by the checkpoint that the rounds before have trained, and join their tables.
 """

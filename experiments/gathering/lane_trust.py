@@ -67,7 +67,7 @@ class Found(NamedTuple):
 
     surprise: Array  # mean squared distance of the first informative drive
     identified: Array  # forecast error of the car that two drives identify, as it is; infinite where none was
-    further: Array  # and with one thing more, or as a double-track car, where that is asked for
+    further: Array  # and with an additional fault, or as a double-track car, where that is asked for
 
 
 def true_effects(population: Population, world: World, seed: int, vehicle: int) -> Effects:
@@ -139,7 +139,7 @@ def draw(found: dict[str, Found], surprise: Familiar, error: Familiar) -> Figure
         for row, f in enumerate(found.values()):
             values = getattr(f, name)
             at = row + shift + rng.uniform(-0.1, 0.1, len(values))
-            label = {"identified": "as it is", "further": "one thing more, or two tracks"}.get(name)
+            label = {"identified": "as it is", "further": "an additional fault, or two tracks"}.get(name)
             axes.scatter(values, at, s=12, color=color, alpha=0.7, linewidths=0, label=None if row else label)
     for axes in (above, below):
         axes.set_xscale("log")

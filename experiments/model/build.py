@@ -6,7 +6,7 @@
 2. `plain`: one plain training on windows of these. It plans the first round of lane drives; nothing else is left of it.
 3. `lane_K`: lane drives of every vehicle, planned by the model so far (`experiments.gathering.lane_drives`).
 4. `model_K`: meta-training on all drives (`drift-drake train`); after the first round from where the last one ended.
-5. `quality`: beside the shipped model on held-out vehicles (`experiments.model.quality`).
+5. `quality`: compared with the shipped model on held-out vehicles (`experiments.model.quality`).
 
 What is done is listed in build.json with its seconds and is not done again: start again to go on. The same seed gives
 the same numbers on the same machine and library versions; elsewhere torch's sums round otherwise: compare the quality.

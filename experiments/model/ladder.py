@@ -2,11 +2,11 @@
 
     python -m experiments.model.ladder --output runs/ladder
 
-Drives of the vehicles, and of held-out ones that judge; `plain`, `memory`, `tyres` and `coupled` by the paper's recipe
-with one change more each; a round of lane drives planned by the last of them; `tasks` with contexts, lane drives among
-them, and weights of samples in place of windows, with as many gradient steps; errors of all of them and of both
+Drives of the vehicles, and of held-out ones that judge; `plain`, `actuators`, `tyres` and `coupled` by the paper's
+recipe with one change more each; a round of lane drives planned by the last of them; `tasks` with contexts, lane drives
+among them, and weights of samples in place of windows, with as many gradient steps; errors of all of them and of both
 shipped models (report.md). What is done is listed in build.json with its seconds and is not done again. The figure-8:
-`python -m experiments.drifting.improvements --between runs/ladder/{plain,memory,tyres,coupled,tasks}.npz`.
+`python -m experiments.drifting.improvements --between runs/ladder/{plain,actuators,tyres,coupled,tasks}.npz`.
 """
 
 import dataclasses
@@ -37,14 +37,14 @@ POINTS, STEPS = (0, 100), 20  # samples adapted to; steps of 0.1 s of a rollout
 STEPS_OF_AN_EPOCH = 12  # gradient steps of the paper's recipe on 35 vehicles
 WINDOWS: dict[str, dict[str, Any]] = {  # what each changes of the paper's recipe
     "plain": {},
-    "memory": {"physical_inputs": True, "tyres": False},
+    "actuators": {"physical_inputs": True, "tyres": False},
     "tyres": {"physical_inputs": True},
     "coupled": {"physical_inputs": True, "coupled": True},
 }
 WHAT = {
     "paper": "the shipped model of the paper's recipe",
     "plain": "the paper's recipe",
-    "memory": "+ the actuators' memory as inputs",
+    "actuators": "+ the actuators' states as inputs",
     "tyres": "+ the nominal car's tyres as inputs",
     "coupled": "+ one belief of all states in place of four",
     "tasks": "+ contexts, lane drives and weights of samples in place of windows",

@@ -3,10 +3,10 @@
     python -m experiments.model.quality --drives runs/drives
 
 On held-out vehicles of the training distribution and of a wider one: one-step error, likelihood and coverage against
-the number of samples adapted to, rollouts of 0.5 s and 2 s under the recorded commands; beside the nominal car, a
-network of the same size that never adapts, the paper's plain recipe, and the same model without adaptation (0 points).
-The figure "uncertainties" lays the true vehicle's curve over the model's mean and 3 sigma. Writes numbers (JSON) and
-figures (PNG).
+the number of samples adapted to, rollouts of 0.5 s and 2 s under the recorded commands; compared with the nominal car,
+a network of the same size that never adapts, the paper's plain recipe, and the same model without adaptation (0
+points). The figure "uncertainties" lays the true vehicle's curve over the model's mean and 3 sigma. Writes numbers
+(JSON) and figures (PNG).
 """
 
 import dataclasses

@@ -1,1 +1,1 @@
-"""How soon and how well the monitor sees a car change, beside what people use."""
+"""How soon and how well the monitor sees a car change, compared with what people use."""

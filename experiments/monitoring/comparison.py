@@ -1,12 +1,12 @@
-"""The monitor beside what people use, on drives during which the car changes at a moment that is not stated.
+"""The monitor compared with what people use, on drives during which the car changes at a moment that is not stated.
 
     python -m experiments.monitoring.comparison make OUT --first 0 --count 32        # seeds to tune on
-    python -m experiments.monitoring.comparison make OUT --first 5000 --count 32     # seeds that are opened once
+    python -m experiments.monitoring.comparison make OUT --first 5000 --count 32     # held-out seeds
     python -m experiments.monitoring.comparison score OUT --first 5000 --tuned 0
 
 Each seed makes four drives: with and without a change, of the nominal equations (the car off within its tolerances)
-and of a double-track car beside its calibrated single-track simulator. The change's size is twice its detection limit
-on that drive. What every method says is written at 10 Hz, a file a drive; drives that are there are not made again.
+and of a double-track car relative to its calibrated single-track simulator. The change's size is twice its detection
+limit on that drive. What every method says is written at 10 Hz, a file a drive; existing drives are not made again.
 """
 
 import dataclasses

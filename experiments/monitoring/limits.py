@@ -11,7 +11,7 @@ from drift_drake.gap.monitoring.evidence import HAZARD, EvidenceProblem, Sums, r
 class Limit(NamedTuple):
     """Of one node, as amplitudes."""
 
-    detected: float  # the least amplitude that is told from none with 95 %
+    detected: float  # the least amplitude that is distinguished from none with 95 %
     named: float  # and from every other effect
 
 

@@ -27,7 +27,7 @@ def imported(file: Path) -> set[str]:
 
 
 def test_files(tree: Path, module: str) -> tuple[list[Path], list[Path]]:
-    """The test files of a module (`car/tyre`): those with its name, and others that import it, its room's first.
+    """The test files of a module (`car/tyre`): those with its name, and others that import it, its folder's first.
 
     Without one of its name: those that import it, and others of the nearest folder that mirrors the module's.
     """

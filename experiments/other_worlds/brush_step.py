@@ -59,7 +59,7 @@ class BrushStepModel(StepModel):
 @compiled
 def motion(x: Array, psi: float, delta: float, tau: float, curvature: float, p: BrushCar, q: Effects, z: Array,
            rate: Array, out: Array) -> tuple[float, float]:  # fmt: skip
-    """Writes the rates of the 14 states at a heading; returns (a_x, a_y) [m/s^2]. z, rate: room for the car's own."""
+    """Writes the rates of the 14 states at a heading; returns (a_x, a_y) [m/s^2]. z, rate: workspace of the car."""
     v, beta = x[1], x[2]
     z[0], z[1], z[2], z[3] = v * np.cos(beta), v * np.sin(beta), x[0], psi
     z[6], z[7] = x[3] - 0.5 * x[6], x[3] + 0.5 * x[6]

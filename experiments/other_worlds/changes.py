@@ -1,6 +1,6 @@
 """Changes put into a recorded run by hand, so that the car seems to have an effect of the catalogue.
 
-The recorded response cannot be changed. What the car was told can: a command that is made earlier makes the car
+The recorded response cannot be changed. The command to the car can: a command that is made earlier makes the car
 respond later. What was measured can too.
 """
 

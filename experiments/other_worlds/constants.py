@@ -1,4 +1,4 @@
-"""What halving and doubling each constant of the inference does to diagnoses of another day, to first order.
+"""What halving and doubling each constant of the inference does to diagnoses of a change, to first order.
 
     python -m experiments.other_worlds.constants WORLD ... --baseline day_one --out runs/constants
 

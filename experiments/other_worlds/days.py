@@ -2,7 +2,7 @@
 
     python -m experiments.other_worlds.days OUT --car roadster --seed 3 --smooth 8 --other-drives
 
-OUT/day_one/run_*.csv: to calibrate on. OUT/CODE/run_*.csv: another day. OUT/start.yaml: a first guess, its tyres wrong.
+OUT/day_one/run_*.csv: to calibrate on. OUT/CODE/run_*.csv: a later day. OUT/start.yaml: a first guess, its tyres wrong.
 OUT/labels.json: {CODE: {"effects": {name: magnitude}, "strange": null, "drives": "day one's" or "other"}}, to be opened
 last; of a day with a strange fault (`strange_faults`), "strange" is its kind and "strange_magnitude" its size.
 OUT/truth.json: the car's own figures, for what a calibration says of them.
@@ -88,7 +88,7 @@ class Days:
     other_drives: bool = False
     """Days but the first are driven at other speeds and with other manoeuvres."""
     first_effort: float = 1.0
-    """Share of the usual steering and pushes on the first day: a small one calibrates on gentle drives."""
+    """Share of the usual steering and thrust on the first day: a small one calibrates on gentle drives."""
     duration: float = 12.0
     """[s] of a run; one that spins ends early."""
     strange: int = 0

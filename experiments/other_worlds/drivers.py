@@ -25,7 +25,7 @@ class DayDriver:
     """Commands of one manoeuvre, row by row; its draws are fixed at construction.
 
     Steering is in road-wheel radians, scaled by the car's wheelbase; torque by the one that gives 1 m/s^2. `effort`
-    is the share of the steering and of the pushes that a manoeuvre of `DAY_ONE` is driven with.
+    is the share of the steering and of the thrust that a manoeuvre of `DAY_ONE` is driven with.
     """
 
     def __init__(self, kind: str, rng: np.random.Generator, car: DoubleTrackParameters, effort: float = 1.0) -> None:

@@ -1,4 +1,4 @@
-"""Real logs with changes put in by hand: what is said of them, beside the logs as they are.
+"""Real logs with changes put in by hand: what is said of them, compared with the logs as they are.
 
     python -m experiments.other_worlds.hand_changes --data ../shared/data --out runs/hand_changes
 

@@ -80,7 +80,7 @@ def failure_path(out: Path) -> Path:
 
 
 def recorded(work: Callable[[Path], None], out: Path) -> None:
-    """Has `work` write a JSON file, adds the seconds of CPU, and puts it in its place; a failure is written beside."""
+    """Has `work` write a JSON file, adds the seconds of CPU, and puts it in its place; a failure goes next to it."""
     out.parent.mkdir(parents=True, exist_ok=True)
     failed, part = failure_path(out), out.with_suffix(".part.json")
     failed.unlink(missing_ok=True)

@@ -113,7 +113,7 @@ def worlds_of(config: Worlds) -> list[Days | MultiBody]:
 
 
 def make_world(world: Days | MultiBody) -> None:
-    """Makes a world beside its place, then puts it there: one that is broken off is not taken for whole."""
+    """Makes a world next to its place, then puts it there: one that is broken off is not taken for whole."""
     part = world.out.with_name(world.out.name + ".part")
     part.mkdir(parents=True, exist_ok=True)
     if isinstance(world, Days):

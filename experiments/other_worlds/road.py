@@ -3,7 +3,7 @@
     python -m experiments.other_worlds.road WORLD ... --out runs/road
 
 A WORLD is a folder as `make_worlds` and `days` write it: day_one/run_*.csv, CODE/run_*.csv, start.yaml, and
-labels.json, which is opened once all answers are there. Worlds of other makers may have several folders day_one*, of
+labels.json, which is read once all answers are there. Worlds of other makers may have several folders day_one*, of
 which `--baseline` names the one to calibrate on. What is done is kept: start again to go on.
 """
 

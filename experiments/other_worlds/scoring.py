@@ -21,7 +21,7 @@ STRONGER_BELOW = ("steering_rate_limit",)  # effects that act the more the small
 SIZES = {"below its detection limit": (0.0, 1.0), "1 to 2 limits": (1.0, 2.0), "above 2 limits": (2.0, np.inf)}
 NO_LIMIT = "these logs have no limit"
 SURE = 0.8  # probability above which a catalogued cause alone is sure
-TOO = f"+{UNKNOWN}"  # of the name of a hypothesis: and something else too
+TOO = f"+{UNKNOWN}"  # of the name of a hypothesis: and an unknown cause
 DECISIONS = ("none", "cause", "cause_open", "undecided")
 
 
@@ -57,7 +57,7 @@ class Row:
 
     @property
     def probability(self) -> float:
-        """Of what is said, with something else too or without it."""
+        """Of what is said, with an unknown cause or without it."""
         p = self.answer["posterior"]
         more = p.get(self.said + TOO, 0.0) if self.answer["verdict"] == "effect" else 0.0
         return float(p.get(self.said, 0.0) + more)

@@ -1,6 +1,6 @@
 """Strange faults that the catalogue lacks, put into the logs of a day without an effect.
 
-The recorded response cannot be changed. What a sensor reads can, and what the car was told: of a fault of an actuator,
+The recorded response cannot be changed. What a sensor reads can, and the command to the car: of a fault of an actuator,
 the logged command is the one that the fault would have turned into the recorded one. Faults in which friction or forces
 change need a car of their own and are not here. Sizes are a full-size car's, to be scaled by its wheelbase or, of
 torques, by what the run itself uses.

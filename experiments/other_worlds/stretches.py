@@ -102,7 +102,7 @@ def calibrated(world: Path, folder: str) -> Calibrated:
 
 
 def day_of(case: Path, car: Calibrated) -> dict[float, Stretches]:
-    """Stretches of another day, by factor of `REGULAR`.
+    """Stretches of a later day, by factor of `REGULAR`.
 
     Raises:
         DriftDrakeError: its logs cannot be used.
@@ -117,7 +117,7 @@ def day_of(case: Path, car: Calibrated) -> dict[float, Stretches]:
 
 
 def kept_world(world: Path, baseline: str, folder: Path) -> KeptWorld:
-    """A world from its files, or, where they are not there yet, from its logs; days that cannot be used are told.
+    """A world from its files, or, where they are not there yet, from its logs; days that cannot be used are reported.
 
     Args:
         baseline: folder of the world to calibrate on; folder: of the files.

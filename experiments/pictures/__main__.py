@@ -22,7 +22,7 @@ class PicturesConfig:
     name: tyro.conf.Positional[Name]
     """Of the picture: of a module of this folder."""
     out: Path | None = None
-    """PNG or SVG (diagnosis: GIF, with a still beside it); docs/NAME.png without."""
+    """PNG or SVG (diagnosis: GIF, with a still next to it); docs/NAME.png without."""
 
 
 def main(config: PicturesConfig) -> None:

@@ -1,6 +1,6 @@
 """A diagnosis as an animation: the log, what its simulator predicts, the gap, the hypotheses, the corrected simulator.
 
-The last moment is the still picture beside it.
+The last moment is the still picture.
 """
 
 import dataclasses
@@ -176,7 +176,7 @@ def pixels(figure: Figure) -> Image.Image:
 
 
 def animate(out: Path) -> None:
-    """Writes the animation, and its last moment as a PNG beside it."""
+    """Writes the animation, and its last moment as a PNG next to it."""
     pictures, times = [], []
     shown = scenes(diagnosed())
     for title, panels in shown:

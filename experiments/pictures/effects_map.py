@@ -39,7 +39,7 @@ def place(name: str) -> str:
 
 
 def columns(names: Iterable[str]) -> list[tuple[str, ...]]:
-    """Names in rows of two, long ones beside short ones."""
+    """Names in rows of two, long ones next to short ones."""
     ordered = sorted(names, key=lambda name: (-len(name), name))
     half = (len(ordered) + 1) // 2
     left, right = ordered[:half], ordered[half:]

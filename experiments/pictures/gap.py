@@ -1,4 +1,4 @@
-"""What a gap is, and how a cause is told from another: prediction errors of three simulators of one simulated log."""
+"""What a gap is, and how causes are distinguished: prediction errors of three simulators of one simulated log."""
 
 import dataclasses
 from collections.abc import Sequence

@@ -1,4 +1,4 @@
-"""The package's rooms as one drawing: each imports from itself and from those below it; folders with their modules."""
+"""The package's layers as one drawing: each imports from itself and from those below it; folders with their modules."""
 
 from pathlib import Path
 
@@ -28,7 +28,7 @@ def modules(folder: Path) -> int:
 
 
 def folders(layer: str) -> list[str]:
-    """Those of a room, with their numbers of modules."""
+    """Those of a layer, with their numbers of modules."""
     found = [path for path in (PACKAGE / layer).iterdir() if path.is_dir() and (path / "__init__.py").is_file()]
     return [f"{path.name}: {modules(path)}" for path in found]
 

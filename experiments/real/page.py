@@ -52,7 +52,7 @@ def parameter_table(found: dict[str, Any]) -> str:
 def worth(found: dict[str, Any]) -> str:
     """What one row of this car's logs is worth."""
     everyday = found["everyday"]
-    with_forces = f", {everyday['row_weight']:.2g} beside the everyday forces" if everyday else ""
+    with_forces = f", {everyday['row_weight']:.2g} with the model discrepancy" if everyday else ""
     return f"a row is worth {found['row_weight']:.2g}{with_forces}"
 
 

@@ -1,4 +1,4 @@
-"""A package with effects of its own, installed into a folder, and programs that run beside it."""
+"""A package with effects of its own, installed into a folder, and programs that use it."""
 
 import os
 import subprocess
@@ -33,7 +33,7 @@ def build_up(r, v, beta, omega_r, delta, tau, car, magnitude, state):
 def boost(r, v, beta, omega_r, delta, tau, car, magnitude):
     return tau
 
-SIDE_WIND = Effect("N", -1500.0, 1500.0, "a wind from the fixed frame's right pushes with q", needs=("psi",),
+SIDE_WIND = Effect("N", -1500.0, 1500.0, "a wind from the fixed frame's right acts with q", needs=("psi",),
                    shown_by="straight stretches there and back", force=push)
 LIMP_MODE = Effect("-", 0.05, 0.6, "torque falls by q", "actuator", needs=("tau_cmd",), actuation=limp)
 GYRO_SCALE = Effect("rad/m", -0.005, 0.005, "the yaw rate reads q omega_r more", "sensor", reading=drift)
@@ -46,7 +46,7 @@ BUS_DELAY = Effect("s", 0.02, 0.15, "the steering command is late by q", "comman
 ENGINE_DELAY = Effect("s", 0.03, 0.2, "the torque command is late by q", "command", needs=("tau_cmd",), spread=True,
                       delays="tau_cmd", shown_by="throttle steps")
 EARLY = Effect("s", -0.1, 0.1, "early or late", "command", delays="delta_cmd")
-DEAF = Effect("s", 0.03, 0.2, "does not say what it needs", "command", delays="tau_cmd")
+NEEDLESS = Effect("s", 0.03, 0.2, "does not say what it needs", "command", delays="tau_cmd")
 BEHIND = Effect("s", 0.02, 0.15, "a delay of actuators", "actuator", delays="delta_cmd")
 BROKEN = Effect("N", -1.0, 1.0, "always there", force=lambda r, v, beta, omega_r, psi, car, q: (1.0, 0.0, 0.0))
 """

@@ -1,4 +1,4 @@
-"""Records of the package's own effects: their physics against formulas, and what other rooms ask of them."""
+"""Records of the package's own effects: their physics against formulas, and what other layers ask of them."""
 
 import numpy as np
 import pytest

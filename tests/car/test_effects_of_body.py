@@ -19,7 +19,7 @@ from effect_cars import (
 
 @pytest.mark.parametrize("q", [-0.12, 0.2])
 def test_mass_error(q):
-    """A push on the body accelerates it by F / (m (1 + q))."""
+    """A force on the body accelerates it by F / (m (1 + q))."""
     a_x, _ = acceleration_of({"mass_error": q}, COASTING, wrench=(1000.0, 0.0, 0.0))
     assert a_x == pytest.approx(1000.0 / (P.mass * (1.0 + q)), rel=1e-9)
 

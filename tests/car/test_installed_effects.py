@@ -151,7 +151,7 @@ sys.exit(main(["simulate", "slalom", "--vehicle", "storm.yaml", "--out", "x.csv"
         ({"half": "HALF"}, "a state needs both rate and start"),
         ({"endless": "ENDLESS"}, "its rate or start fails"),
         ({"early": "EARLY"}, "its range begins at -0.1 s; give a delay one above zero"),
-        ({"deaf": "DEAF"}, "effect deaf (wind:DEAF): delays the torque; let it need its column"),
+        ({"needless": "NEEDLESS"}, "effect needless (wind:NEEDLESS): delays the torque; let it need its column"),
         ({"behind": "BEHIND"}, "delays 'delta_cmd' at stage 'actuator' with no functions; let a delay be of"),
         ({"always": "BROKEN"}, "its force gives (1.0, 0.0, 0.0) at a magnitude of zero"),
         ({"lambda": "SIDE_WIND"}, "its name is no name of a variable"),

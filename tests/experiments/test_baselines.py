@@ -1,4 +1,4 @@
-"""Right days over the runs of a baseline, without the long work: what is copied, kept, told and drawn."""
+"""Right days over the runs of a baseline, without the long work: what is copied, kept, reported and drawn."""
 
 import json
 

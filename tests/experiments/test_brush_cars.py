@@ -24,7 +24,7 @@ SMALL, TRUCK = BRUSH_CARS["small"], BRUSH_CARS["truck"]
 
 
 def rolled(car, effects, steering, thrust, seconds, speed):
-    """States [rows, 15] under constant commands; `push` is the acceleration asked for [m/s^2]."""
+    """States [rows, 15] under constant commands; `thrust` is the acceleration asked for [m/s^2]."""
     rows = round(seconds / 0.01)
     delta = np.full(rows + 1, steering)
     tau = np.full(rows + 1, thrust * car.mass * car.wheel_radius / car.gear_ratio)

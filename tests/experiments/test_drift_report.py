@@ -95,8 +95,8 @@ def test_what_the_drives_identified_is_counted(runs: pd.DataFrame) -> None:
         one_more=["steering_delay 0.1 s", "gyro_bias 0.02 rad/s, sideslip_bias 0.03 rad", None],
     )  # fmt: skip
     assert choice_sentence(pd.concat([runs, chosen])) == (
-        "Chosen by the drives: identified 2, adapting 1; identified with one thing more: steering_delay 1, gyro_bias 1"
-        "; as a double-track car: 1.\n\n"
+        "Chosen by the drives: identified 2, adapting 1; identified with an additional fault: steering_delay 1, "
+        "gyro_bias 1; as a double-track car: 1.\n\n"
     )
     assert choice_sentence(chosen.assign(model="chosen_once")).startswith("Chosen by the first drive: identified 2, ")
 

@@ -125,7 +125,9 @@ def test_the_drives_choose_the_model(tmp_path: Path, here: ExecutorConfig, capsy
     assert kept["identified_error"] is None  # infinite
     assert kept["believed"] == "adapting"
     said = capsys.readouterr().out
-    assert "Chosen by the drives: adapting 1; identified with one thing more: none; as a double-track car: 0." in said
+    assert (
+        "Chosen by the drives: adapting 1; identified with an additional fault: none; as a double-track car: 0." in said
+    )
     learnt = drift_runs.load_model(None)
     taught = beliefs.gather_all([(0, 0)], both.effects, frozenset({"identified"}), learnt, SHORT, tmp_path, here)[0, 0]
     car = IdentifiedCar(VehicleParameters().replace(mass=1700.0), Effects()._replace(torque_lag=0.1))

@@ -69,16 +69,16 @@ def test_the_papers_model_is_only_given_the_drifts_to_plan_for(tmp_path: Path) -
 
 
 def test_checkpoints_between_the_two_are_rungs_of_their_own(tmp_path: Path) -> None:
-    files = (tmp_path / "memory.npz", tmp_path / "tyres.npz")
+    files = (tmp_path / "actuators.npz", tmp_path / "tyres.npz")
     for file in files:
         shutil.copy(paper_checkpoint(), file)
-    config = ImprovementsConfig(between=files, rungs=("memory", "shipped"))
+    config = ImprovementsConfig(between=files, rungs=("actuators", "shipped"))
     (tmp_path / "out").mkdir()
     found = checkpoints(config, tmp_path / "out")
     assert load_model(found["tyres"]).content_hash() == load_model(paper_checkpoint()).content_hash()
     assert load_model(found["tyres"]).drifts is not None
     rungs = ladder(list(names_between(config)))
-    assert [rung.name for rung in rungs][-5:] == ["memory", "tyres", "model", "shipped", "lags"]
+    assert [rung.name for rung in rungs][-5:] == ["actuators", "tyres", "model", "shipped", "lags"]
     assert (rungs[-5].gathering, rungs[-5].path_step) == (rungs[-2].gathering, rungs[-2].path_step)
 
 

@@ -18,16 +18,16 @@ def test_each_model_changes_one_thing_of_the_one_before(tmp_path: Path, monkeypa
     monkeypatch.setattr(ladder, "run_train", lambda command: calls.append((command.config.output.stem, command.config)))
     monkeypatch.setattr(ladder, "judged", lambda _config: made_up())
     ladder.main(ladder.LadderConfig(output=tmp_path, seed=3, epochs=500))
-    assert [name for name, _ in calls] == ["drives", "plain", "memory", "tyres", "coupled", "lane", "tasks"]
+    assert [name for name, _ in calls] == ["drives", "plain", "actuators", "tyres", "coupled", "lane", "tasks"]
     found = dict(calls)
     paper = with_recipe(TrainingConfig(), "paper")
     same = {"horizons", "shuffled_share", "learning_rate", "batch", "weight_decay", "gradient_clip", "temper", "lane"}
-    for name in ("plain", "memory", "tyres", "coupled"):
+    for name in ("plain", "actuators", "tyres", "coupled"):
         assert all(getattr(found[name], field) == getattr(paper, field) for field in same)
         assert (found[name].epochs, found[name].seed) == (500, 3)
         assert found[name].decay ** 500 == pytest.approx(paper.decay**1000)
     inputs = [(found[name].physical_inputs, found[name].physical_inputs and found[name].tyres, found[name].coupled)
-              for name in ("plain", "memory", "tyres", "coupled")]  # fmt: skip
+              for name in ("plain", "actuators", "tyres", "coupled")]  # fmt: skip
     assert inputs == [(False, False, False), (True, False, False), (True, True, False), (True, True, True)]
     assert found["lane"].checkpoint == found["coupled"].output
     assert found["tasks"].lane == tmp_path / "drives" / "train_lane_phases.npz"

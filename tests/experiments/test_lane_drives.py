@@ -24,7 +24,7 @@ DRIVEN: list[Trajectory] = []
 
 
 def own_plan(real: Any, model: BayesianModel, belief: Posterior, first: Trajectory, config: Any, seed: int) -> Any:
-    """The real one with a short search, which notes what it was told."""
+    """The real one with a short search, which notes what it was given."""
     PLANNED.append((belief, first, config))
     gain = covariance_norms(model.prior())[1] / covariance_norms(belief)[1]
     assert gain > 1.0  # it knows of the drive before

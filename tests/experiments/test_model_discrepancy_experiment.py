@@ -1,15 +1,15 @@
-"""Counts of the everyday misfit's experiment, and the cars that it draws."""
+"""Counts of the model discrepancy's experiment, and the cars that it draws."""
 
 import numpy as np
 
 from drift_drake.car.effects.catalogue import CATALOGUE
 from drift_drake.car.parameters import VehicleParameters
-from experiments.gap.model_discrepancy import MISFITS, counts, drawn_days, numbers, table
+from experiments.gap.model_discrepancy import DISCREPANCIES, counts, drawn_days, numbers, table
 
 
 def test_misfits_take_turns_and_the_second_day_adds_one_effect():
-    days = [drawn_days(np.random.default_rng([3, i]), i, VehicleParameters()) for i in range(len(MISFITS))]
-    assert [next(iter(day.everyday.strange)) for day in days] == list(MISFITS)
+    days = [drawn_days(np.random.default_rng([3, i]), i, VehicleParameters()) for i in range(len(DISCREPANCIES))]
+    assert [next(iter(day.everyday.strange)) for day in days] == list(DISCREPANCIES)
     for day in days:
         assert day.everyday.effects == {}
         assert len(day.changed.effects) == 1

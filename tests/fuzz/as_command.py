@@ -22,8 +22,8 @@ from fuzzing import COUNTS, LONGEST
 
 from drift_drake.cli.main import load, main
 
-CLOCK_FACTOR = 6.0  # times as long on the clock: what rests so long hangs, and other work may go on beside
-MEMORY = 2 << 30  # bytes beside what the interpreter has already
+CLOCK_FACTOR = 6.0  # times as long on the clock: what rests so long hangs, and other work may go on
+MEMORY = 2 << 30  # bytes on top of what the interpreter has already
 SPOKEN = ("check", "watch", "apply", "effects", "import", "export", "replay", "diagnose", "fleet")
 BAD = re.compile(rb"Traceback \(most recent call last\)|Warning:|Fatal Python error|core dumped|NoneType: None")
 

@@ -14,7 +14,7 @@ CORPUS = Path(__file__).parent / "corpus"
 
 
 def _report(path: Path) -> None:
-    """As the runs beside it are read."""
+    """As the runs next to it are read."""
     trusted_columns(path.parent)
     stated_noise(path.parent)
 

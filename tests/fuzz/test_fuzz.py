@@ -122,7 +122,7 @@ CHECKPOINT = Path(str(files("drift_drake") / "data" / "bayesian_model.npz"))
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Good files, to be read beside spoilt ones."""
+    """Good files, to be read with spoilt ones."""
     folder = tmp_path_factory.mktemp("fuzz")
     (folder / "good.yaml").write_text(yaml.safe_dump(VEHICLE))
     (folder / "good.json").write_text(json.dumps(ANSWER))

@@ -114,4 +114,4 @@ def test_rows_in_another_order_are_refused(rows: list[int]) -> None:
         _, remarks = recorded(columns, plain_signals())
     except InvalidLogError:
         return
-    assert any("left out of 't'" in remark for remark in remarks)  # a few only, and told
+    assert any("left out of 't'" in remark for remark in remarks)  # a few only, and reported

@@ -43,7 +43,7 @@ def value_of(name: str, car: DoubleTrackConstants) -> float:
 
 
 def deviated(car: DoubleTrackConstants, by: Mapping[str, float], effects: Effects) -> DoubleTrackConstants:
-    """The car with its quantities of `DEVIATIONS` so many standard deviations off; effects: that it has beside."""
+    """The car with its quantities of `DEVIATIONS` so many standard deviations off; effects: those that it has."""
     own = {name: deviation.moved(value_of(name, car), by.get(name, 0.0)) for name, deviation in DEVIATIONS.items()}
     total, share = own.pop("roll_stiffness"), own.pop("front_roll_share")
     longitudinal = {name: own.pop(name) / value_of(name, car) for name in ("longitudinal_stiffness",

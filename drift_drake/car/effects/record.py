@@ -1,4 +1,4 @@
-"""What is known of one effect: a record, and, for an effect from another package, its physics beside it.
+"""What is known of one effect: a record, and, for an effect from another package, its physics.
 
 Functions of the physics take floats, complex numbers and Drake's scalars alike and are compiled by numba: plain
 arithmetic and the functions of `drift_drake.car.scalar` (sin, cos, exp, tanh, sqrt, maximum, select, ...). They
@@ -92,8 +92,8 @@ class Effect:
     """One effect: unit, practical range, where it acts and what it needs to be seen.
 
     The range is that of the reference car, `VehicleParameters()`; `mass`, `length` and `radius` are the powers of a
-    car's mass, wheelbase and wheel radius, beside the reference car's, that scale it. An effect from another package
-    has one of `force`, `actuation` and `reading`; beside the first two it may have a state of its own, by
+    car's mass, wheelbase and wheel radius, relative to the reference car's, that scale it. An effect from another
+    package has one of `force`, `actuation` and `reading`; with the first two it may have a state of its own, by
     `rate` and `start`. Or it `delays` a command, and has no function.
 
     Examples:
@@ -112,11 +112,13 @@ class Effect:
     delays: Command | None = None  # the command that reaches the car late by the magnitude [s]: a pure delay
     hastens: tuple[Command, ...] = ()  # commands that reach it earlier than the log says, by the magnitude [s]
     below_zero: str | None = None  # the effect of the size -q that no log tells from this one of a magnitude q < 0
-    remembers: tuple[Command, ...] = ()  # commands whose values before the first row matter, beside a delayed one
+    remembers: tuple[
+        Command, ...
+    ] = ()  # commands whose values before the first row matter, in addition to a delayed one
     mass: float = 0.0
     length: float = 0.0
     radius: float = 0.0
-    daily: float = 1.0  # how often it changes from one day to another, beside the others
+    daily: float = 1.0  # how often it changes from one day to another, relative to the others
     of_tyres_or_body: bool = False  # which the equations have in their own way: what it is worth differs by the driving
     varies: bool = False  # by less than a gap from one recording to the next, without anybody touching the car
     shown_by: str = ""  # the manoeuvre that shows it best, in words

@@ -11,7 +11,7 @@ Logs = str | Path | Run | Sequence[Run]
 
 
 class GivenLogs(NamedTuple):
-    """Runs, what they are called together, and the noise that an import stated beside them (SI)."""
+    """Runs, what they are called together, and the noise that an import stated with them (SI)."""
 
     runs: list[Run]
     case: str

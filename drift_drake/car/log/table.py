@@ -20,7 +20,7 @@ from drift_drake.common.safe_files import write_columns
 if TYPE_CHECKING:
     import pandas as pd
 
-IMPORT_REPORT = "import.json"  # what an import wrote beside its runs
+IMPORT_REPORT = "import.json"  # what an import wrote next to its runs
 REQUIRED = ("t", "r", "v", "delta_cmd")
 OPTIONAL = ("x", "y", "psi", "beta", "omega_r", "ax", "ay", "tau_cmd")
 ROAD = ("bank",)  # of the road, known like a command; without it the road is taken to be flat
@@ -302,13 +302,13 @@ def _check_clock(run: Run) -> None:
 
 
 def import_report_path(folder: str | Path) -> Path:
-    """Of what an import wrote beside the runs of a case folder, or beside a single run's file."""
+    """Of what an import wrote next to the runs of a case folder, or next to a single run's file."""
     folder = Path(folder)
     return (folder.parent if folder.is_file() else folder) / IMPORT_REPORT
 
 
 def _import_report(folder: str | Path) -> dict[str, Any]:
-    """What an import wrote beside its runs (or beside a run, given its file); empty where there is none."""
+    """What an import wrote next to its runs (or next to a run, given its file); empty where there is none."""
     path = import_report_path(folder)
     if not path.exists():
         return {}
@@ -325,7 +325,7 @@ def _no_report(path: Path) -> InvalidLogError:
 
 
 def trusted_columns(folder: str | Path) -> tuple[str, ...]:
-    """Columns that `drift-drake import --trust` was told to ask no questions of; none where nothing was imported."""
+    """Columns that `drift-drake import --trust` was asked to trust; none where nothing was imported."""
     mapping = _import_report(folder).get("mapping", {})
     trusted = mapping.get("trust", []) if isinstance(mapping, dict) else None
     if not isinstance(trusted, list) or not all(name in COLUMNS for name in trusted):
@@ -334,7 +334,7 @@ def trusted_columns(folder: str | Path) -> tuple[str, ...]:
 
 
 def stated_noise(folder: str | Path) -> dict[str, float]:
-    """Noise levels by column (SI, one standard deviation) that an import stated beside its runs; none without one.
+    """Noise levels by column (SI, one standard deviation) that an import stated with its runs; none without one.
 
     The median over the runs. A smoothed column hides its noise from whoever looks at its rows alone.
     """

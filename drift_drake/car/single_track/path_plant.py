@@ -51,7 +51,7 @@ def kinematic_rates(x: Any, beta_dot: Any, curvature: Any) -> tuple[Any, Any, An
 
 
 class PathPlant:
-    """Ports of a plant and its place on the path; a base beside `LeafSystem_[T]` that declares no numbers of the car.
+    """Ports of a plant and its place on the path; a second base class that declares no numbers of the car.
 
     A plant has `declare`, in which it names its continuous state (of which the first ten are `PLANT_STATES`) and calls
     `declare_numbers` with its constants and its effects' magnitudes; `car`, which gives these their names; `settled`,
@@ -109,7 +109,7 @@ class PathPlant:
             actuation: (delta [rad], tau [N m]) that the car has had for long.
 
         Raises:
-            ValueError: a pose beside a path.
+            ValueError: a pose where there is a path.
             MotionError: a number that is not finite.
         """
         placed = self.placed(state, s, pose)
@@ -142,7 +142,7 @@ class PathPlant:
                 default the path is then the x axis and the car passes its origin.
 
         Raises:
-            ValueError: a pose beside a path.
+            ValueError: a pose where there is a path.
             MotionError: a number that is not finite.
         """
         r, v, beta, omega_r, e, dphi = (float(value) for value in state)
@@ -196,7 +196,7 @@ def plant_template(name: str, base: type[PathPlant]) -> Any:
     Their constructor takes the car's parameters, the magnitudes of its effects, and its path.
     """
 
-    # Told its module, Drake does not look for it through all callers' sources.
+    # Given its module, Drake does not look for it through all callers' sources.
     @TemplateSystem.define(name, scope=sys.modules[__name__])
     def template(T: Any) -> Any:
         class Impl(base, LeafSystem_[T]):  # type: ignore[misc, valid-type]

@@ -60,7 +60,7 @@ class LaneDrive:
 
 
 def problem_data(config: LaneDrive, lateral: Array | None = None, curvature: float = 0.0) -> OcpData:
-    """The lane's middle, or a line e(t) [N+1] [m] beside it, as an OCP's data: the car enters it from a straight.
+    """The lane's middle, or a line e(t) [N+1] [m] off it, as an OCP's data: the car enters it from a straight.
 
     Args:
         curvature: of the lane [1/m], positive to the left.
@@ -285,7 +285,7 @@ def lane_data(config: GatheringConfig, lateral: Array | None = None, s: Array | 
     """The OCP's data along the lane, from its beginning.
 
     Args:
-        lateral: a line e(t) [N+1] [m] beside the middle of an open lane to follow, see `problem_data`.
+        lateral: a line e(t) [N+1] [m] off the middle of an open lane to follow, see `problem_data`.
         s: path positions [N+1] [m] on a track where a plan is expected; without, those of the reference.
     """
     if config.lane == "open":

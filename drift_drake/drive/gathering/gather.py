@@ -83,7 +83,7 @@ def plan_rest(
 ) -> Trajectory:  # fmt: skip
     """The rest of a drive, planned again from where the car is; the rest of the plan before where that does not work.
 
-    As the belief holds what the samples so far have told, the gain of the whole drive is what the rest adds to it: at
+    As the belief holds what the samples so far have shown, the gain of the whole drive is what the rest adds to it: at
     the states of the plan before, with the same mean and alpha, the rest of it is the solution (objective "eq8" apart,
     whose covariance is that of the start).
 
@@ -247,7 +247,7 @@ def taught(
     config: GatheringConfig,
     seed: int,
 ) -> Gathered:
-    """Drives a trajectory and learns from the drive, with what that was expected to tell and what it told."""
+    """Drives a trajectory and learns from the drive, with what that was expected to gain and what it gained."""
     table, ending = gather(trajectory, effects, parameters, config, seed, learning=(model, before))
     after = learn_drive(model, before, table, config)
     expected = information_expected(model, before, trajectory)

@@ -26,7 +26,7 @@ class Adapted(NamedTuple):
 
     posterior: Posterior
     density: float  # log of the sample's by the belief before it [nat]
-    left: Array  # what the learnt states did over the step beside what the posterior's mean says [4]
+    left: Array  # what the learnt states did over the step, less what the posterior's mean says [4]
 
 
 def adapt(model: BayesianModel, posterior: Posterior, x: Array, u: Array, u_next: Array, x_next: Array,
@@ -85,7 +85,7 @@ class BayesianAdapter(LeafSystem):
     Output ports, of the pair of lags that is believed:
         posterior_mean [64]: theta, states by features (row-major [4, 16]).
         posterior_covariance [4096]: Lambda^{-1}, row-major [64, 64].
-        parameters [70]: theta, the offset, the lags [s]. The offset is what the learnt states did over a step beside
+        parameters [70]: theta, the offset, the lags [s]. The offset is what the learnt states did over a step, less
             what theta says, in a running mean of the samples taken over `offset_time`. It holds what the features and
             their prior leave over, such as a resistance that no vehicle of the training had (offset-free predictive
             control: Pannocchia and Rawlings 2003). Zero without `offset_time`.

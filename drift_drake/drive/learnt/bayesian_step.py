@@ -115,7 +115,7 @@ class BayesianStepModel(StepModel):
     def with_theta(self, theta: Array) -> "BayesianStepModel":
         """The model with another theta [4, 16] or [64] (the features and work arrays are shared).
 
-        Four numbers more [68] are an offset of the learnt states over a step, beside what theta says of it; two more
+        Four numbers more [68] are an offset of the learnt states over a step, added to what theta says of it; two more
         [70] the lags of steering and torque [s].
         """
         other = object.__new__(BayesianStepModel)

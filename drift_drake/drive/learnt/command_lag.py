@@ -10,7 +10,7 @@ A car whose lags are others, T in place of `LAG`, moves as a typical car does th
     w = a + LAG / T (u - a),   a the commands u behind lags of T,
 
 since a is then what w is behind a typical car's lags. So a network that knows typical cars alone serves any lags: it is
-told of (w, a) in place of (u, a) (`as_of_typical_car`). Which lags the car at hand has, its drives say (`lag_bank`).
+given (w, a) in place of (u, a) (`as_of_typical_car`). Which lags the car at hand has, its drives say (`lag_bank`).
 """
 
 from typing import Any

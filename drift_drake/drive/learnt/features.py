@@ -3,8 +3,8 @@
 z = (r, v, beta, omega_r, delta_k, tau_k, delta_{k+1}, tau_{k+1}, lagged delta_k, lagged tau_k); two hidden layers of
 128 are shared by the four learnt states (r, v, beta, omega_r), each of which has an output layer of 16 features of its
 own (section II of Davydov et al.). The paper's network knows the first eight of z. Beyond the paper are the lagged
-commands (`command_lag`) and, beside z, what the nominal car's tyres say of it (`physical_inputs`): a network is given
-both or neither. The output layers are linear, so theta folds into them: for the mean of the model the 64 features
+commands (`command_lag`) and, in addition to z, what the nominal car's tyres say of it (`physical_inputs`): a network is
+given both or neither. The output layers are linear, so theta folds into them: for the mean of the model the 64 features
 become 4 outputs, and the Jacobian needs 4 reverse rows.
 """
 

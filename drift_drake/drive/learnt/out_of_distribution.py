@@ -73,7 +73,7 @@ def calibrate(drives: Sequence[Array], window: int = WINDOW) -> NullDistribution
 
 
 class OutOfDistributionDetector(LeafSystem):
-    """The detector in the loop, beside a `BayesianAdapter` whose belief it judges by (a frozen one's too).
+    """The detector in the loop with a `BayesianAdapter` whose belief it judges by (a frozen one's too).
 
     At a tick, the step that ended is judged by the belief that was held during it; a step at whose ends other lags are
     believed is not judged.

@@ -1,6 +1,6 @@
 """What the nominal car's tyres say of z (`features`).
 
-Inputs of the feature network beside z itself. A network given z alone has to find the quotients, arcs and saturations
+Inputs of the feature network in addition to z. A network given z alone has to find the quotients, arcs and saturations
 behind the tyres' slips and forces, which differ little from car to car; what it then misses, adaptation must make up
 for. Slips are squashed and forces are shares of the friction, so that none leaves [-1, 1].
 """

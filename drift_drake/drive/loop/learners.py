@@ -1,4 +1,4 @@
-"""What follows the car beside the controller: the learnt model's adapter and detector, and a model's own states."""
+"""What observes the car besides the controller: the learnt model's adapter and detector, and a model's own states."""
 
 from typing import NamedTuple
 

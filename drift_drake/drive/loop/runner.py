@@ -130,7 +130,7 @@ class LogFile:
             with self._path.open(mode, encoding="utf-8", newline="") as file:
                 file.write(text)
         except OSError as error:
-            reason = f"{self._path}: cannot be written ({error.strerror}); give another place, or make room"
+            reason = f"{self._path}: cannot be written ({error.strerror}); give another place, or free some space"
             raise OutputError(reason) from error
 
 

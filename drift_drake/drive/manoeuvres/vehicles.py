@@ -1,9 +1,9 @@
 """The simulated vehicles xi that the drives are made with: the nominal car and several effects, drawn together.
 
 Each effect of `TRAINING` is drawn for every vehicle from the distribution in its record, independently of the others;
-held-out vehicles come from the same distributions under other seeds. `WIDE` stretches each of them and adds effects
-that training never saw, `EXTREME` has single effects far beyond them: vehicles out of distribution. "nominal" is the
-nominal car, without an effect: its actuators follow at once, which those of no training vehicle do.
+held-out vehicles come from the same distributions under other seeds. `OUT_OF_DISTRIBUTION` stretches each of them and
+adds effects that training never saw, `EXTREME` has single effects far beyond them: vehicles out of distribution.
+"nominal" is the nominal car, without an effect: its actuators follow at once, which those of no training vehicle do.
 """
 
 from typing import Literal

@@ -60,7 +60,7 @@ def gains_and_biases(sensors: Effects) -> tuple[Array, Array]:
 
 
 class RivalsStepModel(StepModel):
-    """The first hypothesis's car, with the rival's internal states run along beside it, as the model of an OCP.
+    """The first hypothesis's car, with the rival's internal states run along with it, as the model of an OCP.
 
     State: the first's six and its internal states, then the internal states that the rival would have.
     """

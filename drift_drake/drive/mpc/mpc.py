@@ -46,7 +46,7 @@ class SolveStatistics(NamedTuple):
     qp_fallbacks: float  # QPs that took a second attempt
     qp_unsolved: float  # QPs that no attempt solved
     slack: float  # [m] the largest planned excursion from the lane
-    restart: float  # 1 while a plan from a fresh guess is worked out beside, `FOLLOWED` once it is the plan
+    restart: float  # 1 while a plan from a fresh guess is worked out in parallel, `FOLLOWED` once it is the plan
     failed: float  # 1 if this solve failed
     failures: float  # solves that failed since the start
     seconds: float
@@ -97,11 +97,11 @@ class Mpc:
 
     An OCP of a drift has other local optima, such as a front tyre that slides at full lock to the inside, and the
     solution followed may slip into one as a transition comes into the horizon or the belief moves. So every `LOOK`
-    seconds, and where the line search has all but stopped (`STUCK`), a plan from a fresh guess is worked out beside,
-    with one iteration a solve for each. Once its dynamics hold it is followed if it costs less than `CHEAPER` times
-    what the other does, and dropped if not. The guess is the reference's states and inputs. In every other `LOOK`, once
-    that is dropped, and where it does not hold within one, it is the same with the steering at the other lock than now:
-    on a car whose front tyre slides in the drift wanted the reference's inputs lead back to the lock.
+    seconds, and where the line search has all but stopped (`STUCK`), a plan from a fresh guess is worked out in
+    parallel, with one iteration a solve for each. Once its dynamics hold it is followed if it costs less than `CHEAPER`
+    times what the other does, and dropped if not. The guess is the reference's states and inputs. In every other
+    `LOOK`, once that is dropped, and where it does not hold within one, it is the same with the steering at the other
+    lock than now: on a car whose front tyre slides in the drift wanted the reference's inputs lead back to the lock.
 
     Attributes:
         problem: the OCP, a MathematicalProgram.
@@ -196,7 +196,7 @@ class Mpc:
     def _or_from_afresh(
         self, result: SqpResult, alternative: AlternativePlan | None, data: OcpData, start: float, look: bool
     ) -> tuple[SqpResult, AlternativePlan | None, float, float]:
-        """(what is followed, the plan beside from now on, `restart`, seconds in all) of a solve and the plan beside."""
+        """(what is followed, the alternative from now on, `restart`, seconds in all) of a solve and the alternative."""
         seconds, restart = sum(iteration.seconds for iteration in result.iterations), float(alternative is not None)
         if alternative is not None:
             other = self._solver.solve(alternative.primal, alternative.dual, 1)
@@ -212,7 +212,7 @@ class Mpc:
         return result, alternative, restart, seconds
 
     def _fresh_guess(self, data: OcpData, turned: bool) -> AlternativePlan:
-        """What a plan beside begins with: the reference, perhaps with the steering at the other lock."""
+        """What an alternative begins with: the reference, perhaps with the steering at the other lock."""
         guess = self.problem.first_guess(data)
         if turned:
             x, u, slack = self.problem.unstack(guess)

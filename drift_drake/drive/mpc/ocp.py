@@ -89,8 +89,8 @@ class OptimalControlProblem(MathematicalProgram):
     Attributes:
         x, u, slack: its variables [N+1, n], [N+1, 2], [N]; states and inputs are scaled.
         stages: costs and bounds, all but the dynamics.
-        dynamics: the stacked dynamics constraint, which the line-search SQP reads beside the stages.
-        extra_cost: a cost beside l_k that is not quadratic (Info-OCP's), if any.
+        dynamics: the stacked dynamics constraint, which the line-search SQP reads with the stages.
+        extra_cost: a cost in addition to l_k that is not quadratic (Info-OCP's), if any.
 
     Examples:
         >>> OptimalControlProblem(NominalStepModel(car), car, horizon=10).num_vars()

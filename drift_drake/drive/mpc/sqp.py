@@ -45,7 +45,7 @@ class SqpOptions:
         of a solve, no iteration follows a QP that took both of its attempts or more than 6 interior-point iterations (3
         as a rule, more than 6 in one of 200), nor a step halved four times or more, after which the next is as short.
         Steps are halved: shortened to as little as a tenth at once they took less time, and plans fell behind the car
-        (one of four starts beside the reference spun).
+        (one of four starts off the reference spun).
 
         OSQP's `rho` was chosen on the training population. With 0.1 a QP of a drift whose front tyre slides took
         thousands of iterations. The controller's lane is soft, so each of its QPs has a feasible point.

@@ -27,7 +27,7 @@ LATERAL = 4  # index of e
 
 
 class LaneTightening(NamedTuple):
-    """What it takes beside the posterior's covariance."""
+    """What it takes in addition to the posterior's covariance."""
 
     sigma: Array  # noise scale of each learnt state [4]
     kappa: float  # standard deviations of e

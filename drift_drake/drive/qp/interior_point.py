@@ -147,7 +147,7 @@ def _first_derivatives(rows: Inequalities, multipliers: Array, margin: Array, va
                        penalty: Array, condensed: _Condensed, barrier: Array, constant: Array) -> None:  # fmt: skip
     """Writes those by (x, u) [N, n+2], and the step of t at (dx, du) = 0 [N].
 
-    `centre` [M]: what multiplier times room is to become, but for the step's own product.
+    `centre` [M]: what multiplier times margin is to become, but for the step's own product.
     """
     softness, first = rows.softness, rows.first
     shifted, span, lead, coupling, weight, _ = condensed
@@ -170,7 +170,7 @@ def _first_derivatives(rows: Inequalities, multipliers: Array, margin: Array, va
 def _bound_steps(rows: Inequalities, step: Array, condensed: _Condensed, constant: Array, multipliers: Array,
                  margin: Array, values: Array, centre: Array, slack_step: Array, margin_step: Array,
                  multiplier_step: Array) -> float:  # fmt: skip
-    """Steps of slacks, rooms and multipliers; returns the longest share of the step that keeps all above zero."""
+    """Steps of slacks, margins and multipliers; returns the longest share of the step that keeps all above zero."""
     softness, first = rows.softness, rows.first
     shifted, span, lead, coupling, weight, _ = condensed
     longest, size = 1.0, step.shape[1]

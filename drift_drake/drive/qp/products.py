@@ -153,7 +153,7 @@ def iterate(stages: Stages, extra: Array, residual: Array, f: Array, z: Array, y
     """The numbers of a point z, y: one call for what are many small ones.
 
     Args:
-        extra: gradient of a cost beside the stages', empty without one.
+        extra: gradient of a cost in addition to the stages', empty without one.
         residual: of the dynamics; f: F_k [N, n, n+4].
     """
     bent = cost_times(stages.hessian, z)

@@ -5,7 +5,7 @@ A stage holds (x_k, u_k, w_k) with w_k = u_{k+1}, [n+4]; what is carried to the 
     x_{k+1} = F_k (x_k, u_k, w_k) + d_k,    u_{k+1} = w_k,    x_0 = u_0 = 0.
 
 Minimised is sum_k 1/2 (x, u, w)' H_k (x, u, w) + h_k' (x, u, w), and for k = 1..N a barrier's quadratic in (x_k, u_k)
-beside. The work grows as N (n+4)^3 / 3, the solution is exact (Rao, Wright and Rawlings, 1998, section 3).
+separately. The work grows as N (n+4)^3 / 3, the solution is exact (Rao, Wright and Rawlings, 1998, section 3).
 """
 
 import numpy as np

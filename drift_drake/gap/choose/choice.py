@@ -2,8 +2,8 @@
 
 The car that the drives identify (`identified`) predicts them half a second ahead, from each fifth of a second. It is
 believed where it predicts no worse than on nearly all cars that follow its equations (`Familiar`: little more than the
-sensors' noise is left): as it is, with one thing more that a controller plans with (`identified.ONE_MORE`), or as a
-double-track car. It then carries over from a lane to a drift. Of any other car no model is known to hold: the learnt
+sensors' noise is left): as it is, with an additional fault that a controller plans with (`identified.ONE_MORE`), or as
+a double-track car. It then carries over from a lane to a drift. Of any other car no model is known to hold: the learnt
 model's prior then adapts while it drives, since what a lane has taught the learnt model, or what it identifies of
 physics that are not the car's, leads astray in a drift. Nor is a car believed on logs that contradict themselves, on
 drives too gentle to ask by, or of another size than those that the limit was measured on (`doubts`).
@@ -52,7 +52,7 @@ class Findings(NamedTuple):
     error: float = math.inf  # how far off it is half a second ahead (`forecast_error`); infinite without one
     doubts: tuple[str, ...] = ()  # why the drives are no ground to believe it
     hint: str = ""  # which other car would be far nearer, though not near enough
-    as_it_is: float = math.inf  # how far off the identified car is without one thing more, on one track
+    as_it_is: float = math.inf  # how far off the identified car is without an additional fault, on one track
 
 
 class Choice(NamedTuple):
@@ -135,7 +135,7 @@ def ask(runs: Sequence[Run], first_guess: VehicleParameters, progress: Progress 
 def _another_car(
     runs: Sequence[Run], first_guess: VehicleParameters, limit: float, judged: Sequence[WindowedRun], tell: Progress
 ) -> IdentifiedCar | None:
-    """The car that predicts best with one thing more or, where that is beyond the limit, as a double-track one."""
+    """The car that predicts best with an additional fault or, where that is beyond the limit, as a double-track one."""
     cars, stages = list[IdentifiedCar | None](), 3 + len(ONE_MORE)
     for number, name in enumerate(ONE_MORE, 1):
         tell(f"with {name}", number / stages)
@@ -239,6 +239,6 @@ def _stored(path: Path | None) -> dict[str, dict[str, Any]]:
 
 
 def keep_usual(model: BayesianModel, error: Familiar, surprise: Familiar, path: Path) -> None:
-    """Writes what is usual to a file, beside what it holds of other models."""
+    """Writes what is usual to a file, with what it holds of other models."""
     surprises = _stored(path)[SURPRISE] | {model.content_hash(): surprise._asdict()}
     write_json(path, {IDENTIFIED: error._asdict(), SURPRISE: surprises})

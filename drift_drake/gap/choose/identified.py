@@ -1,8 +1,8 @@
-"""The car that a few seconds of lively driving identify: parameters, effects, and one thing more if they ask for it.
+"""The car that a few seconds of lively driving identify: parameters, effects, and an additional fault if needed.
 
 All of a car's drives are fitted by the filter's likelihood (`identification.identify`): parameters and the effects that
-most driven cars have. A car may have one thing more, such as a steering that is slow or a sensor that is off. Each of
-`ONE_MORE` is then fitted beside the others. And it may follow no single-track equations: a double-track car is fitted.
+most driven cars have. A car may have an additional fault, such as a steering that is slow or a sensor that is off. Each
+of `ONE_MORE` is then fitted with the others. And it may follow no single-track equations: a double-track car is fitted.
 """
 
 from collections.abc import Mapping, Sequence
@@ -27,7 +27,7 @@ from drift_drake.gap.estimation.windows import WindowedRun, errors
 from drift_drake.gap.identification.double_track import identify_double_track
 from drift_drake.gap.identification.identify import identify
 
-# Beside the vehicle's own parameters: what a driven car may have that a step of its model can hold.
+# In addition to the vehicle's own parameters: what a driven car may have that a step of its model can hold.
 EFFECTS = fitted("drives")
 ONE_MORE = fitted("alone")
 BIASES = tuple(name for name in SENSORS if CATALOGUE[name].unit != "-")  # that a double-track car may have all of
@@ -44,7 +44,7 @@ class IdentifiedCar(NamedTuple):
 
     @property
     def name(self) -> str:
-        """What it is called in a sentence, with what it has beside the usual effects."""
+        """What it is called in a sentence, with what it has in addition to the usual effects."""
         kind = "double-track car" if isinstance(self.vehicle, DoubleTrackParameters) else "car"
         return f"the identified {kind}" + (f" with {', '.join(self.one_more)}" if self.one_more else "")
 
@@ -86,7 +86,7 @@ def identified(runs: Sequence[Run], first_guess: VehicleParameters, more: Sequen
     broad priors, and the effects that a driven car may have are fitted with them (`identify`).
 
     Args:
-        more: effects that it may have beside `EFFECTS`.
+        more: effects that it may have in addition to `EFFECTS`.
     """
     try:
         with np.errstate(divide="ignore", invalid="ignore"):

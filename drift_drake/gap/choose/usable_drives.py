@@ -10,7 +10,7 @@ import numpy as np
 from drift_drake.car.log.table import InvalidLogError, Run
 from drift_drake.car.parameters import VehicleParameters
 
-NEEDED = ("beta", "omega_r", "tau_cmd")  # beside what every log has
+NEEDED = ("beta", "omega_r", "tau_cmd")  # in addition to what every log has
 PERIOD, CLOSE = 0.01, 1e-4  # [s] between rows
 LIVELY = 95  # [%] of a drive's rows; informative drives exceed the grip in more than 5 %, by 1.1 to 2.5 times
 PIECE = 4.5  # [s] of an informative drive

@@ -36,7 +36,7 @@ def diagnose(
     Args:
         logs: path of a case folder or of a run's file, or runs of one car on one day;
         vehicle: vehicle file's path, parameters, or (parameters, effects): what the simulator believes of the car;
-        calibration: what `identify` found of this car (its JSON's path, or the object), so that what is normal for the
+        calibration: what `identify` found of this car (its JSON's path, or the object), so that the baseline of the
             car is no gap; case: name in the answer; catalogue: names of the effects to consider;
         without: columns to leave out; every: rows of the logs that make one here;
         process_scale, noise_scale: factors on process and sensor noise [1]; row_weight: what a row is worth, (0, 1];

@@ -74,8 +74,8 @@ def diagnose_all(
 ) -> list[Answer]:
     """Diagnoses a folder of cases, spread over processes or a cluster.
 
-    A case whose logs cannot be used, or whose worker process was killed again and again, is told to `refused` and left
-    out; without `refused`, its error ends the work.
+    A case whose logs cannot be used, or whose worker process was killed again and again, is reported to `refused` and
+    left out; without `refused`, its error ends the work.
 
     Args:
         run_on: where; on a cluster its machines must see the logs.

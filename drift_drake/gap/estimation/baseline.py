@@ -1,7 +1,7 @@
 """How scores scatter from one recording of a car to the next where nothing has changed, from its calibration's logs.
 
 A linear mixed model (Laird and Ware 1982). A stretch of driving with information I has the scores -I (d + e) + n: d is
-what the car deviates by every day, of which its baseline tells what its drives show; e is what the equations ask for
+what the car always deviates by, of which its baseline tells what its drives show; e is what the equations ask for
 otherwise on one stretch than on another, small for sensors and actuators, larger for tyres and body; n is the scatter
 of blocks of time, which hangs together within a stretch and grows with the slip of the driven tyres. So what both days
 share cancels, and what the baseline did not show widens the scatter only where the other day's drives depend on it. The

@@ -160,7 +160,7 @@ def filter_run(
             before are left zero; used: which channels count [9].
         delta, torque: on the stages' grid (`filter_state.actuated`); period: [s]; constants, effects: the car.
         noise: measurement variances [9]; process: process noise of the first nine states, variance a second [9].
-        pushes: as in `observe_run`.
+        pushes: wrenches as in `observe_run`.
         innovations [rows, 9], gain [rows, 9, 9] (states by channels), whitening [rows, 9, 9]: filled.
     """
     rows = y.shape[0]

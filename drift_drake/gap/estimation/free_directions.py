@@ -43,7 +43,7 @@ def clock_rate(run: WindowedRun) -> np.ndarray:
 
 
 def yaw_moment(run: WindowedRun, constants: CarConstants) -> np.ndarray:
-    """A push [rows, 3] (`windows.run_errors`): a yaw moment on the body, at all times."""
+    """A wrench [rows, 3] (`windows.run_errors`): a yaw moment on the body, at all times."""
     push = np.zeros((len(run.y), 3))
     push[:, 2] = TURNING * constants.yaw_inertia
     return push

@@ -178,7 +178,7 @@ def misfit(problem: Problem, fit: Fitted, kind: str = "pulses") -> Regression:
 
 
 def applied(problem: Problem, everyday: Everyday) -> tuple[Problem, list[str]]:
-    """The problem with everyday forces and the row weight beside them, and warnings.
+    """The problem with a discrepancy's forces and the tempering exponent with them, and warnings.
 
     As it is, where they bring the car no nearer to these logs: functions of the state say nothing of states that the
     calibration never saw.
@@ -200,10 +200,10 @@ def nominal_mean_square(problem: Problem) -> float:
 
 
 def traced(problem: Problem) -> Problem:
-    """The problem with the trace that its everyday forces leave in the innovations of the car as it is.
+    """The problem with the trace that its discrepancy's forces leave in the innovations of the car as it is.
 
     To first order, they then are those of a car with these forces. The trace depends on the filter: whoever changes
-    noise or process noise traces again. A problem without everyday forces is left as it is.
+    noise or process noise traces again. A problem without a discrepancy is left as it is.
     """
     everyday = problem.everyday
     if everyday is None:

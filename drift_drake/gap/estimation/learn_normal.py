@@ -1,4 +1,4 @@
-"""What is normal for a car, learnt from the day of its calibration."""
+"""The baseline residual distribution of a car, learnt from the logs of its calibration."""
 
 from typing import NamedTuple
 
@@ -40,7 +40,7 @@ class Learnt(NamedTuple):
 def learn_normal(
     day: Day, names: tuple[str, ...], steps: np.ndarray, prior: np.ndarray, between: np.ndarray, left: np.ndarray
 ) -> Learnt:
-    """What is normal, from the day of calibration.
+    """The baseline residual distribution, from the logs of the calibration.
 
     Args:
         day: the logs that the car was calibrated on, under the calibrated car; steps: units of the effects `names`;

@@ -1,4 +1,4 @@
-"""What is normal for a calibrated car, and its place in a calibration's file."""
+"""The baseline residual distribution of a calibrated car, and its place in a calibration's file."""
 
 import dataclasses
 from collections.abc import Mapping
@@ -25,8 +25,8 @@ def capped_squares(e: np.ndarray, cap: float = WORST) -> np.ndarray:
 
 @dataclasses.dataclass(frozen=True)
 class Normal:
-    """What is normal for a calibrated car. Scores are in `units` of the effects `names`, then of the partial effects of
-    these (`gap.estimation.partial`) and of deviations of its kind (`car.deviation`), m in all."""
+    """The baseline residual distribution of a calibrated car. Scores are in `units` of the effects `names`, then of the
+    partial effects of these (`gap.estimation.partial`) and of deviations of its kind (`car.deviation`), m in all."""
 
     names: tuple[str, ...]
     of_kind: tuple[str, ...]  # deviations of the car's kind, behind the partial effects
@@ -41,7 +41,7 @@ class Normal:
     covariance: np.ndarray  # of scores from block to block [m, m]
     information: np.ndarray  # diagonal of a block's information [m]
     ratio: float  # of that scatter to the one that the information tells of
-    expected: np.ndarray  # what the car deviates by, every day, as far as its baseline tells [m]
+    expected: np.ndarray  # what the car always deviates by, as far as its baseline tells [m]
     left_open: np.ndarray  # covariance of that [m, m]
     everyday: (
         np.ndarray

@@ -7,7 +7,7 @@ tell (`baseline.scale_of`) replaces what such a population says.
 """
 
 REGULAR = 1e-2  # of the errors' covariance, added to its diagonal
-SHRUNK = 120.0  # blocks that the belief in scatter as the information tells is worth, beside those that were seen
+SHRUNK = 120.0  # blocks that the belief in scatter as the information tells is worth, relative to those that were seen
 HANGS = 0.3  # correlation of what the equations lack, from block to block of one stretch
 HARDER = 1.0  # power of the slip along the wheels, with which the scatter of blocks grows
 SLIGHT = 0.02  # [-] of slip along the wheels, below which more of it changes little
@@ -16,8 +16,8 @@ TYRES_AND_BODY = 0.2  # [units] by which what an effect on the motion is worth d
 MORE_SO = 0.6  # [units] the same, where bodies roll and pitch
 PARTIAL_VARIES = 0.03  # [units] the same of a partial effect
 KIND_VARIES = 0.35  # [units] the same of what a kind of car alone has (`car.deviation`)
-KIND_PRIOR = 2.0  # [units] by which a calibrated car deviates in it, every day, before its scores
-PARTIAL_PRIOR = 0.1  # [units] by which a car deviates in a partial effect, every day, before its logs
+KIND_PRIOR = 2.0  # [units] by which a calibrated car always deviates in it, before its scores
+PARTIAL_PRIOR = 0.1  # [units] by which a car deviates always deviates in a partial effect, before its logs
 LEFT_OF_FITTED = 0.5  # of the deviation before calibration of an effect that was fitted, what may be left after it
 LEFT_OF_OTHERS = 0.25  # the same of an effect that was not: most cars have none of it
 SCALE, SCALE_WORTH = 0.5, 0.5  # of the scatter of a recording, of all cars; recordings that this belief is worth

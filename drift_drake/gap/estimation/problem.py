@@ -2,7 +2,7 @@
 
 A parameter vector theta holds the nuisances first: the tolerances of the vehicle, in units of their standard
 deviation; then what the two commands were before each run's first row, relative to that row, in units of
-`START_STEERING` and `START_TORQUE`, where an effect with memory of the commands makes them matter. Then come the
+`START_STEERING` and `START_TORQUE`, where an effect with states behind the commands makes them matter. Then come the
 magnitudes of a hypothesis' effects, in the units of the catalogue.
 """
 
@@ -70,11 +70,11 @@ NO_STATE = np.empty(0)
 
 @dataclasses.dataclass(frozen=True)
 class Everyday:
-    """The misfit that a calibrated car has every day, as `identify` learns it (`freeform.applied`)."""
+    """The model discrepancy of a calibrated car, as `identify` learns it (`freeform.applied`)."""
 
     forces: Mapping[str, Sequence[float]]  # by channel, weights of `freeform.state_functions` in `freeform.FORCE_UNIT`
     offsets: Mapping[str, float]  # of sensors, in noise levels
-    row_weight: float  # what one row is worth beside them
+    row_weight: float  # likelihood tempering exponent with them
 
 
 @dataclasses.dataclass(frozen=True)
@@ -82,7 +82,7 @@ class Filtered:
     """What judges parameters: the innovations [rows, 9] of all runs and the log determinant that goes with them."""
 
     innovations: list[np.ndarray]
-    logdet: float  # times the row weight
+    logdet: float  # times the tempering exponent
 
 
 @dataclasses.dataclass(frozen=True)
@@ -301,7 +301,7 @@ def flat(problem: Problem, innovations: Sequence[np.ndarray]) -> np.ndarray:
 
 
 def counted(problem: Problem, run: RunData, innovations: np.ndarray) -> np.ndarray:
-    """Rows and channels of one run's innovations [rows, 9, ...] that count, times the root of the row weight."""
+    """Rows and channels of one run's innovations [rows, 9, ...] that count, times the exponent's root."""
     return np.asarray(np.sqrt(problem.row_weight) * innovations[run.counted][:, run.used])
 
 

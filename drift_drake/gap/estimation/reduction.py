@@ -206,7 +206,7 @@ def held_out_errors(problem: Problem, fitted: Fit) -> list[np.ndarray]:
 
 
 def without_effects(problem: Problem, fitted: Fit | None) -> list[np.ndarray]:
-    """The same under the car without effects; its tolerances as fitted beside the effects, or nominal with None."""
+    """The same under the car without effects; its tolerances as fitted with the effects, or nominal with None."""
     theta = np.zeros(problem.nuisances) if fitted is None else fitted.theta[: problem.nuisances]
     return errors_of(problem, theta, ())
 

@@ -1,4 +1,4 @@
-"""Evidence of free forces beside a fitted hypothesis: Bayesian linear regression, its normal equations run by run.
+"""Evidence of free forces besides a fitted hypothesis: Bayesian linear regression, its normal equations run by run.
 
 The weights of one run's pulses move no other run's innovations: they meet the hypothesis' own parameters alone and are
 eliminated run by run (a Schur complement), so that the work and what is kept grow with the length of the logs.

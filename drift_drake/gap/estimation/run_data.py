@@ -26,7 +26,7 @@ class RunData:
     tau: np.ndarray
     counted: np.ndarray  # [rows] bool: rows whose innovations count
     bank: np.ndarray | None = None  # [rows] of the road [rad], where the log has it
-    trace: np.ndarray | None = None  # [rows, 9] that the misfit of every day leaves in the innovations
+    trace: np.ndarray | None = None  # [rows, 9] that the model discrepancy leaves in the innovations
 
 
 def first_sideslip(run: Run) -> float | None:

@@ -39,8 +39,8 @@ COVERED = 0.98  # quantile of the calibration's windows, up to which a regime is
 GRACE = (1.0, 1.0, 1.5, 1.5)  # times it, by `windows.regimes`: a changed car slides more on the same drive
 BEYOND = 0.15  # share beyond, at which a window counts half
 ALIKE = 4.0
-"""Recordings that the belief that recordings differ alike in all that logs show is worth, beside those that were seen
-(validation days and recordings)."""
+"""Recordings that the belief that recordings differ alike in all that logs show is worth, relative to those that were
+seen (validation days and recordings)."""
 RECORDING_SHARE = 0.5  # of the least gap: what an effect deviates by from recording to recording, two are a gap
 
 
@@ -74,7 +74,7 @@ def flat_scores(e: np.ndarray, scales: np.ndarray) -> np.ndarray:
 
 @dataclasses.dataclass(frozen=True)
 class Day:
-    """Runs of one day beside the calibrated car: errors, their derivatives, and the blocks."""
+    """Runs of one day relative to the calibrated car: errors, their derivatives, and the blocks."""
 
     runs: Sequence[WindowedRun]
     constants: CarConstants
@@ -126,7 +126,7 @@ def make_day(
     their partial ones, and by the deviations of the car's kind, in units of their standard deviations.
 
     Args:
-        normal: what is normal for the car; None on the day of calibration, which shows it;
+        normal: the car's baseline; None on the day of calibration, which shows it;
         of_kind: derivatives by the deviations, where they are known near enough; kind_units: their units in standard
             deviations, those of `normal` if there is one.
     """

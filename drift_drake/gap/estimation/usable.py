@@ -104,7 +104,7 @@ def seen_effects(runs: Sequence[Run], names: Sequence[str]) -> tuple[list[str], 
 
 
 def _with_road(runs: Sequence[Run], names: list[str]) -> tuple[list[str], list[str]]:
-    """Effects that can be judged beside a logged bank of the road, and what a magnitude of `road_bank` is then."""
+    """Effects that can be judged where the bank is logged of the road, and what a magnitude of `road_bank` is then."""
     banked = [run.bank is not None for run in runs]
     if not any(banked) or "road_bank" not in names:
         return names, []

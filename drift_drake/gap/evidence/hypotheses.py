@@ -1,4 +1,4 @@
-"""Which change makes another day's scores normal: hypotheses over `none`, single effects and pairs, with magnitudes.
+"""Which change explains scores relative to a baseline: `none`, single effects and pairs, with magnitudes.
 
 A hypothesis puts its effects into the calibrated car, predicts the day's windows anew and asks how normal the scores
 of the errors that are left are (`gap.estimation.scores`). Scores are nearly linear in a magnitude, so that a few
@@ -61,7 +61,7 @@ def added_up(one: Mapping[str, float], other: Mapping[str, float]) -> dict[str, 
 def as_change(h: Hypothesis) -> Hypothesis:
     """A pair with one effect of the car's build as the other alone: a car's build does not change by the day.
 
-    That effect stays beside it, as something that calibration has not seen.
+    That effect stays in addition, as something that calibration has not seen.
     """
     built = [name for name in h.names if CATALOGUE[name].daily < BUILD]
     if len(h.names) != 2 or len(built) != 1:
@@ -205,7 +205,7 @@ class Search:
         return np.asarray((self.scores({name: unit}) - self.scores({})) / unit)
 
     def _partner(self, name: str, at: np.ndarray, slope: np.ndarray) -> tuple[float, float]:
-        """Magnitude that a second effect would have beside scores `at`, to first order, and the nats that it gains."""
+        """Magnitude that a second effect would have at scores `at`, to first order, and the nats that it gains."""
         curvature = float(slope @ self.scatter.inverse @ slope)
         q = -float(slope @ self.scatter.inverse @ at) / max(curvature, 1e-300)
         q = clipped(q, self.ranges[name])

@@ -15,7 +15,7 @@ from drift_drake.gap.evidence.constants import OF_NOISE, OF_PARTIAL, SIZES, WIDE
 
 
 class LeftOver(NamedTuple):
-    """Beside a hypothesis."""
+    """Left over by a hypothesis."""
 
     gain: float  # log evidence of something else being there too, over that of nothing else
     like: Partial  # what it is most like

@@ -20,7 +20,7 @@ CALIBRATION_FILE = Path(__file__).parent / "calibration.yaml"
 class PosteriorConstants:
     """Constants of the posterior, fitted on simulated cases by `python -m experiments.gap.blind calibrate`."""
 
-    temperature: float = 1.0  # log evidences are divided by it (of another day log posteriors: no order changes)
+    temperature: float = 1.0  # log evidences are divided by it (of a change log posteriors: no order changes)
     prior_none: float = 0.3
     prior_single: float = 0.4  # shared by all single effects
     prior_pair: float = 0.15  # shared by all pairs
@@ -90,7 +90,7 @@ def probabilities_of(
 
     Args:
         evidence: log evidence of each fitted hypothesis by its effects; the empty tuple is among them.
-        gain: log evidence that goes unexplained beside the best of them [nats].
+        gain: log evidence that goes unexplained by the best of them [nats].
         catalogue: number of effects that were considered.
     """
     scores = {hypothesis_name(n): e / c.temperature + log_prior(len(n), catalogue, c) for n, e in evidence.items()}
@@ -130,7 +130,7 @@ def make_posterior(
 
     Args:
         hypotheses: (fit, log evidence), best first; the one with no effects is among them.
-        unexplained: log evidence that forces gain beside the best hypothesis [nats].
+        unexplained: log evidence that forces gain over the best hypothesis [nats].
         catalogue: number of effects that were considered.
     """
     gain = max(unexplained, 0.0) + implausibility(hypotheses[0][0], c)

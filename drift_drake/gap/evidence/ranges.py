@@ -16,7 +16,7 @@ NO_GAP = 1.5  # tolerances of the calibrated car up to which a deviation of its 
 FARTHER = 2.0  # times the reach that is looked at where the most likely magnitude is at its end
 NEAR_END = 0.02  # of the reach
 SURE = 1.645  # standard deviations of a one-sided 95 %
-AGAINST_NONE = 5.5  # [nats] that an effect's prior and the width of its range cost it beside none
+AGAINST_NONE = 5.5  # [nats] that an effect's prior and the width of its range cost it relative to none
 RELATIVE_TO_NONE = float(SURE + np.sqrt(SURE**2 + 2.0 * AGAINST_NONE))  # standard deviations that a shift must have
 RELATIVE_TO_RIVAL = 2.0 * SURE  # that it must be from a rival's
 

@@ -21,7 +21,7 @@ from drift_drake.gap.evidence.posterior import (
 )
 
 Decision = Literal["none", "cause", "cause_open", "undecided"]
-TOO = f"+{UNKNOWN}"  # of a hypothesis' name: and something else too
+TOO = f"+{UNKNOWN}"  # of a hypothesis' name: and an unknown cause
 FALSE_ALARMS = 0.05  # rate that a user who asks for none gets
 
 
@@ -34,7 +34,7 @@ class DayRanked(Ranked[Hypothesis]):
     """
 
     decision: Decision = "none"
-    something_else: float = 0.0  # probability that something else is there beside the leading cause, if that is
+    something_else: float = 0.0  # probability of an unknown cause in addition to the leading one, if that is
 
     @property
     def most_like(self) -> str:
@@ -46,7 +46,7 @@ def ranked(
     hypotheses: Sequence[Hypothesis], catalogue: int, constants: PosteriorConstants, doubt: float = 0.0,
     false_alarms: float = FALSE_ALARMS, noise: float | None = None,
 ) -> DayRanked:  # fmt: skip
-    """Probabilities of hypotheses, of each with something else too, and of `unknown`.
+    """Probabilities of hypotheses, of each with an unknown cause too, and of `unknown`.
 
     Args:
         hypotheses: `none` is among them; no other whose interval holds zero or that removes nothing;
@@ -98,7 +98,7 @@ def concluded_from(
     """Probabilities and a verdict from log posteriors [-] by name, but for a constant.
 
     Args:
-        hypotheses: that are known, `none` among them; doubt: probability of `unknown` beside what `values` give it.
+        hypotheses: that are known, `none` among them; doubt: probability of `unknown` besides what `values` give it.
     """
     names, v = list(values), np.array(list(values.values()))
     p = np.exp(v - np.max(v))

@@ -33,7 +33,7 @@ from drift_drake.gap.identification.model_discrepancy import model_discrepancy, 
 R_OVER_Q = (1.0, 3.0, 10.0)  # that are tried in turn
 STEP = 1e-3  # of a broad prior, for differences: coarser ones tell mass and forces apart, which only ratios tell
 HARDLY = 1e-3  # of an effect's range
-EASED = 0.1  # deafness of a filter that only finds the way
+EASED = 0.1  # R/Q ratio of a filter that only finds the way
 ALIKE = 1.02  # of the least half-second error on the fitted rows, up to which fits predict alike
 LEAST_LONGEST = 2.5  # [s] of one run: rows that are held out and rows that are not, half a second ahead in both
 ABSOLUTE = ("front_axle_distance", "steering_offset")  # tolerances with a unit; the others are relative
@@ -155,11 +155,11 @@ def guess_as_stated(
 def least_r_over_q_fit(
     problem: Problem, names: Sequence[str], starts: tuple[np.ndarray, np.ndarray], tell: Progress
 ) -> Estimate:
-    """The fit without the held-out rows, under the least deafness that predicts well half a second ahead.
+    """The fit without the held-out rows, under the least R/Q ratio that predicts well half a second ahead.
 
-    A filter that hears its sensors well judges a model by the next row, a deaf one by its own prediction of the next
+    A filter of a low R/Q ratio judges a model by the next row, one of a high ratio by its own prediction of the next
     seconds. Where the model is right, both agree; where it is not, or the noise is not white, only the second is of
-    use. Of those that predict alike, the one that hears best is taken: a deaf filter believes in its model, and its
+    use. Of those that predict alike, the lowest ratio is taken: a filter of a high one believes in its model, and its
     intervals hold the truth too seldom. The likelihood has several valleys, so that three ways lead there: from the
     first guess, from it by a filter that hears too well, whose likelihood has fewer valleys, and from effects that are
     hardly there (from a lag of 50 ms an axle's inertia may be taken for what is left of that lag). Of the ends that

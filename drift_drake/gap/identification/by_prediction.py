@@ -31,7 +31,7 @@ from drift_drake.gap.identification.outlook import Outlook, outlook
 
 EVIDENCE = 0.02  # power of the criterion: overlapping windows, misfit that goes on for seconds
 MOST_WINDOWS, MOST_JUDGED = 450, 4000  # that a fit takes in, and that it is judged by, evenly chosen
-MOST_LEARNT = 6000  # the same of what is normal: twenty minutes of a full-size car's logs
+MOST_LEARNT = 6000  # the same of the baseline: twenty minutes of a full-size car's logs
 FOLDS, HELD_OUT = 4, 1.5  # one block [s] of so many is held out
 LEAST_WINDOWS = 10  # on either side
 RESAMPLES = 400
@@ -55,7 +55,7 @@ class LeftOpen:
 
 @dataclasses.dataclass(frozen=True)
 class PredictionFit:
-    """The calibrated car, and what is normal for it."""
+    """The calibrated car, and its baseline residual distribution."""
 
     unknowns: tuple[Unknown, ...]  # effects that were fitted
     of_kind: dict[str, Parameter]  # what a kind of car alone has
@@ -172,7 +172,7 @@ def less_known(fit: RobustFit, unknowns: Sequence[Unknown]) -> np.ndarray:
 
 
 def with_left_out(learnt: Learnt, vehicle: VehicleParameters) -> tuple[Learnt, list[DayRanked]]:
-    """What is normal with the probabilities that recordings left out in turn have no gap, and what each says."""
+    """The baseline with the probabilities that recordings left out in turn have no gap, and what each says."""
     asked = asked_in_turn(learnt, vehicle)
     none = np.array([one.probabilities[NONE] for one in asked])
     return learnt._replace(normal=dataclasses.replace(learnt.normal, left_out_none=none)), asked

@@ -24,7 +24,7 @@ from drift_drake.gap.identification.outlook import Outlook
 
 LEFT = 0.5  # of the prior's standard deviation that is left
 PART = 0.3  # of a direction's length that a parameter must hold to be named
-SIMILAR = 0.95  # correlation beyond which two parameters are told only together
+SIMILAR = 0.95  # correlation beyond which only two parameters' combination is known
 
 
 @dataclasses.dataclass(frozen=True)
@@ -66,15 +66,15 @@ class Calibration:
     correlation: list[list[float]]
     not_identified: list[Direction]
     tied: list[tuple[str, str, float]]
-    left_out: list[str]  # effects that cannot be told from zero, and that the vehicle file therefore lacks
+    left_out: list[str]  # effects that cannot be distinguished from zero, and that the vehicle file therefore lacks
     held_out: HeldOut
     trust: Trust  # for `drift-drake diagnose --noise-scale --process-scale` on this car's logs
     row_weight: float  # and for `--row-weight`: what one row is worth, in (0, 1]
-    everyday: Everyday | None  # and what `--calibration` takes out before, where that makes rows worth more
+    everyday: Everyday | None  # and what `--calibration` takes out before, where that raises the exponent
     seconds: float
     warnings: list[str]
     criterion: str = "likelihood"  # or "prediction"
-    normal: Normal | None = None  # of a car calibrated by prediction, for a diagnosis of another day
+    normal: Normal | None = None  # of a car calibrated by prediction, for a diagnosis of a change
     watching: dict[str, Any] | None = None  # `gap.monitoring.baseline_scores.BaselineScores`, for `drift-drake watch`
     catalogue: tuple[str, ...] = tuple(CATALOGUE)  # effects that there were
     disagreed: dict[str, str] = dataclasses.field(default_factory=dict)  # parameters, and who pulls each the most
@@ -161,7 +161,7 @@ class InvalidCalibrationError(DriftDrakeError, ValueError):
 
 @dataclasses.dataclass(frozen=True)
 class CarTrust:
-    """Factors of the noise and the process, the row weight, and the misfit of every day; or what is normal."""
+    """Factors of the noise and the process, the tempering exponent, and the model discrepancy; or the baseline."""
 
     noise_scale: float
     process_scale: float
@@ -176,7 +176,7 @@ class CarTrust:
         return {field.name: getattr(self, field.name) for field in dataclasses.fields(self) if field.name not in own}
 
     def check_knows(self, effects: Sequence[str], path: str | Path) -> None:
-        """Sees that what is normal was learnt for all these effects: one that it lacks would be left out in silence.
+        """Checks that the baseline was learnt for all these effects: one that it lacks would be left out in silence.
 
         Raises:
             InvalidCalibrationError: an effect has been added since, by a package that was installed say.

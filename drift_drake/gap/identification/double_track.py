@@ -1,6 +1,6 @@
 """A double-track car calibrated on logs, by robust prediction errors: for cars that no single-track model follows.
 
-What a vehicle file says nothing of (height of the centre of gravity, springs, the tyres' shape, ...) is unknown beside
+What a vehicle file says nothing of (height of the centre of gravity, springs, the tyres' shape, ...) is unknown besides
 its own parameters. Its priors are the scatter from car to car about a first guess (`car.double_track.nearest`).
 """
 

@@ -1,4 +1,4 @@
-"""What the drives of a baseline can show of a car, told before anything is fitted to them, and which drive is missing.
+"""What the drives of a baseline can show of a car, before anything is fitted to them, and which drive is missing.
 
 Friction shows where a tyre is near its limit, a steering offset where the car turns to both sides, lags where the
 steering moves fast. Parameters that drives cannot show stay at their first guess (`identification.kept`): a fit moves
@@ -16,7 +16,7 @@ from drift_drake.gap.estimation.windows import smoothed
 
 SUSTAINED = 0.5  # [s] in all, for which something must be reached to count
 SEEN = 0.5  # of the friction limit, from which a tyre's curve bends enough for friction to be estimated
-GENTLE = 0.15  # below which tyres cannot be told from the sensors' biases either
+GENTLE = 0.15  # below which tyres cannot be distinguished from the sensors' biases either
 TURNING = 0.1  # of the friction limit, below which no side is turned to
 OTHER_SIDE = 1 / 3  # of what is reached on the harder side, below which a baseline is one-sided
 LIVELY = 1.0  # [1/s] friction limits that the lateral acceleration changes by
@@ -61,7 +61,7 @@ class Driving:
 
     @property
     def gentle(self) -> bool:
-        """Whether not even the tyres' stiffness can be told."""
+        """Whether not even the tyres' stiffness can be identified."""
         return self.used < GENTLE
 
     @property

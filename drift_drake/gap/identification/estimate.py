@@ -117,7 +117,7 @@ def estimate(problem: Problem, names: Sequence[str], theta: np.ndarray, r_over_q
 
     Args:
         problem: with noise as the logs and the process noise of a well modelled car have it.
-        theta: to start from; deafness: noise of the sensors beside that of the process, times as stated.
+        theta: to start from; r_over_q: noise of the sensors relative to that of the process, times as stated.
     """
     scale = 1.0
     for round_number in range(ROUNDS):

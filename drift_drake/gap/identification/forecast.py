@@ -1,7 +1,7 @@
-"""What a calibration would leave open, told from the logs and the first guess alone, before anything is fitted.
+"""What a calibration would leave open, from the logs and the first guess alone, before anything is fitted.
 
 The car's errors are taken to first order in all that is unknown of it, and the step that makes them least is taken:
-what it leaves shows what is normal, whether recordings agree, and what another day's diagnosis could name.
+what it leaves shows the baseline residuals, whether recordings agree, and which change a diagnosis could name.
 """
 
 import dataclasses

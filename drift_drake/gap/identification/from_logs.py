@@ -38,7 +38,7 @@ def identify(
         stated: noise levels [SI, one standard deviation] by column that are known otherwise; case: name of it all;
         car: kind of car where prediction judges: "single-track", "double-track", or "auto", which takes a double-track
             one where that predicts held-out parts better;
-        force: also on logs that are too gentle; watching: whether to learn what is normal while the car is watched
+        force: also on logs that are too gentle; watching: whether to learn a monitor's baseline
             (`watch`), where the logs can say; progress: called with a stage and the share done.
 
     Returns:
@@ -66,7 +66,7 @@ def _days(logs: Logs | Sequence[str | Path], case: str | None) -> Days:
 
 
 def _with_baseline_scores(found: Identification, runs: Sequence[Run]) -> Identification:
-    """A calibration with what is normal for a single-track car while it is watched, where its logs can say."""
+    """A calibration with a monitor's baseline of a single-track car, where its logs can say."""
     if not isinstance(found.vehicle, VehicleParameters):
         return found
     try:

@@ -34,8 +34,10 @@ from drift_drake.gap.identification.options import EFFECTS, KNOWN, CarKind, Crit
 from drift_drake.gap.identification.stated import stated_in_full
 from drift_drake.gap.identification.whiteness import whiteness
 
-WHITE = 0.1  # row weight of that fit, from which they are
-FURTHER = fitted("further")  # that a car may have beside those asked for, taken in where held-out prediction asks
+WHITE = 0.1  # tempering exponent of that fit, from which they are
+FURTHER = fitted(
+    "further"
+)  # that a car may have in addition to those asked for, taken in where held-out prediction asks
 
 
 def identify(
@@ -58,9 +60,9 @@ def identify(
     Args:
         runs: of one car, of one or several days; first, effects: the first guess;
         known: parameters whose tolerance in the vehicle is believed as it is;
-        names: effects that may belong to the car, beside those of the first guess;
+        names: effects that may belong to the car, in addition to those of the first guess;
         stated: noise levels that are known otherwise (`make_problem`); progress: called with a stage and a share;
-        criterion: "auto" is the likelihood where innovations are white beside the car that it finds, else prediction;
+        criterion: "auto" is the likelihood where innovations are white under the car that it finds, else prediction;
         tolerances: names of those that the vehicle file states: prediction believes them, times two;
         force: calibrate on drives that are too gentle too, and whatever a known parameter comes out as;
         unseen: parameters (names of tolerances) that stay as they are; None: those that the drives cannot show;

@@ -68,7 +68,7 @@ def extended(correlation: np.ndarray, count: int) -> np.ndarray:
 
 
 def widened_unknown(normal: Normal, priors: dict[str, float]) -> Normal:
-    """What is normal where nothing more is known of some effects than `priors`, standard deviations by name."""
+    """The baseline where nothing more is known of some effects than `priors`, standard deviations by name."""
     out = {}
     for field in ("unknown", "left_open"):
         covariance = getattr(normal, field)

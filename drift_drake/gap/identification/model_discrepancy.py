@@ -1,4 +1,4 @@
-"""The misfit of every day that is left in a calibrated car: forces that it lacks, and what one row is then worth.
+"""The model discrepancy of a calibrated car: forces that it lacks, and the likelihood's tempering exponent.
 
 Innovations that hang together (smoothed sensors, a tyre of another shape) tell less than their number says. The
 likelihood is therefore raised to a power below one, such that scores scatter as the information matrix says (the
@@ -6,7 +6,7 @@ magnitude adjustment of Pauli, Racugno and Ventura 2011; Ribatet, Cooley and Dav
 and those of the free-form forces that a diagnosis looks for a gap with. At that power they find nothing on the logs
 that the car was calibrated on.
 
-A power alone makes no difference between a misfit that is the same every day and a new one. So what functions of the
+A power alone makes no difference between a discrepancy that is always there and a new gap. So what functions of the
 state tell of the first is learnt, and the power is that of what they leave on blocks that they were not fitted to.
 
 The regressors' derivatives are some two hundred numbers for each measurement: they are made twice, run by run, and only
@@ -66,7 +66,7 @@ def deviation_factors(covariance: np.ndarray, information: np.ndarray, squares: 
     """Factors of at least one [n] on the standard deviations of the parameters, as innovations hang together.
 
     The sandwich of Huber 1967, over blocks of time as in Liu and Singh 1992.
-    What a prior alone holds is not widened: only what the logs tell is told less well.
+    What a prior alone holds is not widened: only what the logs show is known less well.
 
     Args:
         covariance: without this [n, n]; information: J'J of the logs [n, n]; squares: `squared_influence` of all runs.
@@ -98,7 +98,7 @@ class Looks:
 
 
 def model_discrepancy(found: Estimate) -> tuple[float, Everyday | None]:
-    """The row weight of the calibrated car as it is, and the forces that it lacks; None if they bring nothing."""
+    """The tempering exponent of the calibrated car as it is, and the forces that it lacks; None if of no use."""
     theta, prior = found.theta, prior_precision(found.problem, len(found.theta))
     looks = looked_at(found)
     plain, whole = row_weight(found, looks), summed_equations(looks.by_fold)

@@ -1,4 +1,4 @@
-"""What another day's diagnosis could name after a baseline like this one, and after one of more such recordings.
+"""Which change a diagnosis could name after a baseline like this one, and after one of more such recordings.
 
 To first order in the magnitudes: an effect shifts the scores by its column of the information, and is named where that
 is far enough from none and from what the effect most like it does. What a baseline leaves unknown shrinks with each
@@ -30,7 +30,7 @@ def outlook(day: Day, normal: Normal, left: np.ndarray, vehicle: VehicleParamete
     """Detection limits of a day like that of the calibration, after `TIMES` as many recordings like its own.
 
     Args:
-        day: of the calibration, under the calibrated car; normal: what is normal for it; left: standard deviations
+        day: of the calibration, under the calibrated car; normal: its baseline; left: standard deviations
             [n] of what the car may deviate by (`baseline.left_of`), in the units of `normal`.
     """
     information = block_information(day, normal.scales, normal.precision)

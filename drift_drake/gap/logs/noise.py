@@ -57,7 +57,7 @@ def step(values: np.ndarray) -> float:
 
 
 def coarse(values: np.ndarray, size: float) -> bool:
-    """Whether the step (`size`) of the signal [n] is large beside its noise, so that its errors are no white noise."""
+    """Whether the step (`size`) of the signal [n] is large relative to noise: its errors are then no white noise."""
     if size <= SHARE_OF_RANGE * float(np.ptp(np.quantile(values, [0.01, 0.99]))):
         return False
     return white_noise_level(values) < SHARE_OF_NOISE * size

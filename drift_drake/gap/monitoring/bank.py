@@ -1,4 +1,4 @@
-"""A bank of filters that runs beside the car: the simulator's car, and the same car with each effect.
+"""A bank of filters that runs along with the car: the simulator's car, and the same car with each effect.
 
 One extended Kalman filter of the simulator's car (`estimation.filter`) gives the gain and the whitening of every row;
 all cars of the bank are corrected with that gain. The whitened innovations of the first car are white noise of variance

@@ -1,8 +1,8 @@
-"""What is normal for a watched car that the equations do not follow exactly: how scores scatter on its own logs.
+"""The baseline of a monitored car that the equations do not follow exactly: how scores scatter on its own logs.
 
 Scores of white innovations have the information as covariance. A real car's scatter more, and not in every direction
 alike: what they scatter beyond, by roots of information, is the excess that widens the monitor's scores wherever it
-judges (compare `gap.estimation.scores`, which does the same for a diagnosis of another day).
+judges (compare `gap.estimation.scores`, which does the same for a diagnosis of a change).
 """
 
 import dataclasses
@@ -90,7 +90,7 @@ class BaselineScores:
 
 
 def learn_baseline_scores(runs: Sequence[Run], vehicle: VehicleParameters, own: Effects) -> BaselineScores:
-    """What is normal for a car, from logs of its own.
+    """The baseline of a car's scores, from logs of its own.
 
     Raises:
         InvalidLogError: no torque commands; ValueError: too little driving.

@@ -2,7 +2,7 @@
 
 Each day's whitened scores are normal about their information times the day's amplitudes (`evidence.whitened`). The
 amplitudes are a sum: of the fleet's, of the car's own and of the day's, most of them zero. Terms are taken in one by
-one, the one first that gains most evidence beside those that are in, until none is more probable than not: a greedy
+one, the one first that gains most evidence on top of those that are in, until none is more probable than not: a greedy
 search for the sparse posterior mode (compare Tipping and Faul 2003).
 """
 
@@ -200,7 +200,7 @@ def _fit(problem: EvidenceProblem, stack: _Stack, chosen: Sequence[_Choice]) -> 
 def _best(
     problem: EvidenceProblem, stack: _Stack, groups: Sequence[tuple[Level, str, np.ndarray]], chosen: Sequence[_Choice]
 ) -> tuple[_Choice | None, float]:
-    """The term that gains most, and its log odds [nats] beside those that are in."""
+    """The term that gains most, and its log odds [nats] on top of those that are in."""
     r = _residual(stack, chosen, _fit(problem, stack, chosen)[0])
     score = np.einsum("dij,di->dj", stack.m, r)
     information = np.einsum("dij,dij->dj", stack.m, stack.m)

@@ -66,7 +66,7 @@ def watch(
     Args:
         log: a run's file, or a run; with torque commands;
         vehicle: vehicle file's path, parameters, or (parameters, effects): what the simulator believes of the car;
-        calibration: what `identify` found of this car, or its JSON's path, so that what is normal for it is no change;
+        calibration: what `identify` found of this car, or its JSON's path, so that its baseline is no change;
         follow: wait for further rows of a file (CSV) that is still being written; idle: end after so many seconds [s]
             without one, 0: never;
         page: where to draw the probabilities and list the events (HTML);

@@ -1,7 +1,7 @@
 """What to drive next: the manoeuvre that tells best which of the hypotheses that a log left is true.
 
 Candidates are plans of the optimal control problem with the T-optimal cost (`drive.mpc.discrimination`) for the leading
-hypothesis against its rivals, from several first guesses, beside plain drives (straight on, slaloms). The
+hypothesis against its rivals, from several first guesses, and plain drives (straight on, slaloms). The
 one is taken after which the true hypothesis is expected to have the highest probability, as the diagnosis's own
 filter foresees it (`foresight`): it knows transport delays, a road's grade and all sensors, which a one-step
 model cannot have and for which the plans' model has stand-ins.
@@ -81,7 +81,7 @@ class NextDrive:
 
     @property
     def sigmas(self) -> float:
-        """By how many standard deviations the leading hypothesis and its first rival are told apart, at the least."""
+        """By how many standard deviations the leading hypothesis and its first rival differ, at the least."""
         return float(np.sqrt(2.0 * min(self.nats[0, 1], self.nats[1, 0])))
 
     def expectations(self) -> dict[str, Any]:

@@ -16,7 +16,7 @@ Array = np.ndarray
 
 GRID = "#e6e6e6"
 VEIL = "rgba(255,255,255,0.8)"  # behind a word that lies on lines
-NORMAL = "#b5b5b5"  # what is normal for a car
+NORMAL = "#b5b5b5"  # a car's baseline
 TALL, LOW = 150, 80  # [px] of a panel of values, and of one of what is left over
 ROW, MANY = 18, 25  # [px] of a name on an axis; names from which they are small
 FONT = {"family": "system-ui, sans-serif", "size": 12, "color": INK}
@@ -45,7 +45,7 @@ class Line:
 
 @dataclasses.dataclass(frozen=True)
 class Panel:
-    """One pair of axes: a title with the unit, lines, and what is normal as a band about zero (half its width)."""
+    """One pair of axes: a title with the unit, lines, and the baseline as a band about zero (half its width)."""
 
     title: str
     lines: Sequence[Line]
@@ -150,7 +150,7 @@ def _draw(figure: go.Figure, panel: Panel, row: int, column: int) -> None:
             row=row, col=column,
         )  # fmt: skip
         known.add(line.name)
-    # Above the panel's left end, where a narrow screen has room for a title.
+    # Above the panel's left end, where a narrow screen has space for a title.
     figure.add_annotation(
         text=panel.title, xref="x domain", yref="y domain", x=0.0, y=1.0, xanchor="left", yanchor="bottom",
         showarrow=False, row=row, col=column,

@@ -12,7 +12,7 @@ FULL_SIZE = 1.0  # [m] of wheelbase from which a car is no model
 
 
 def model_scale(parameters: VehicleParameters) -> float:
-    """1 for a full-size car; for a model, its wheelbase beside one's (a tenth or so)."""
+    """1 for a full-size car; for a model, its wheelbase relative to one's (a tenth or so)."""
     wheelbase = parameters.front_axle_distance + parameters.rear_axle_distance
     return 1.0 if wheelbase > FULL_SIZE else wheelbase / WHEELBASE
 

@@ -57,7 +57,7 @@ class Scene:
     runs: Mapping[str, pd.DataFrame]
     reference: Reference | None
     shape: CarShape
-    scale: float  # of the car beside a full-size one
+    scale: float  # of the car relative to a full-size one
 
     @classmethod
     def of(

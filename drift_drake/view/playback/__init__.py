@@ -1,1 +1,1 @@
-"""Logs played back: a log's commands to cars in open loop, beside what the real car did."""
+"""Logs played back: a log's commands to cars in open loop, compared with the real car."""

@@ -1,4 +1,4 @@
-"""A log and vehicle files to what the simulated cars do beside the real one: RMS errors by state, words and 3D."""
+"""From a log and vehicle files to the simulated cars' motion and the real one's: RMS errors by state, words and 3D."""
 
 import dataclasses
 from collections.abc import Mapping

@@ -1,4 +1,4 @@
-"""A log played beside simulated cars: the function behind `drift-drake replay`."""
+"""A log played with simulated cars: the function behind `drift-drake replay`."""
 
 import dataclasses
 from pathlib import Path
@@ -31,7 +31,7 @@ class Replayed:
 
 def replay(log: str | Path | Run, vehicle: Vehicle, corrected: Vehicle | None = None, *,
            restart: float = 1.0) -> Replayed:  # fmt: skip
-    """Plays a log's commands to the simulator's car, and to the corrected one, beside the real car.
+    """Plays a log's commands to the simulator's car, and to the corrected one, next to the real car.
 
     Examples:
         >>> played = replay("logs/monday/run_0.csv", "car.yaml", (car, {"steering_lag": 0.1}))

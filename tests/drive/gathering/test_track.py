@@ -1,4 +1,4 @@
-"""Gathering on a closed track: longer than a plan, so always planned again, until it has told enough."""
+"""Gathering on a closed track: longer than a plan, so always planned again, until it has gained enough."""
 
 import dataclasses
 from typing import Any

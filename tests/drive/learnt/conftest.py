@@ -1,4 +1,4 @@
-"""A small model, and a table of drives with short trainings on it, for the tests of this room."""
+"""A small model, and a table of drives with short trainings on it, for the tests of this folder."""
 
 import dataclasses
 from pathlib import Path
@@ -39,7 +39,7 @@ def physical_network() -> Network:
 
 @pytest.fixture(scope="session")
 def random_model(random_network: Network) -> BayesianModel:
-    """An untrained model with a wide prior, wider still in one direction that all states share, as a tyre's friction
+    """An untrained model with a broad prior, broader still in one direction that all states share, as a tyre's friction
     is; samples tell of some states more."""
     generator = np.random.default_rng(8)
     shared = features(random_network, INPUT_OFFSET + 0.5 * INPUT_SCALE).ravel()

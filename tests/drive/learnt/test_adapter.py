@@ -1,4 +1,4 @@
-"""BayesianAdapter: equal to the plain functions, replayable, and deaf to what it should not hear."""
+"""BayesianAdapter: equal to the plain functions, replayable, and without effect of what it should refuse."""
 
 import dataclasses
 

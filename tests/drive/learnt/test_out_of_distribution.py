@@ -60,7 +60,7 @@ def test_no_drive_as_long_as_the_window_is_refused() -> None:
 
 
 def test_the_system_agrees_with_the_functions(random_model: BayesianModel, physical_network: Network) -> None:
-    """Beside an adapter: every step is judged by the belief from before it was learnt from."""
+    """With an adapter: every step is judged by the belief from before it was learnt from."""
     learner = dataclasses.replace(random_model, network=physical_network)
     generator = np.random.default_rng(0)
     centre = np.array([0.5, 11.0, -0.5, 16.0, 0.1, 0.02, 5.0, -0.1, 150.0, -0.1, 150.0])

@@ -55,7 +55,7 @@ def random_problem(
 
     Args:
         width: of the lane, infinite for none; bound: of the inputs.
-        further: rows of a stage over all its variables, of which the first is hard and has room at a trajectory.
+        further: rows of a stage over all its variables, of which the first is hard and has a margin at a trajectory.
     """
     size = STATES + 4
     factor = rng.normal(size=(horizon, size, size))

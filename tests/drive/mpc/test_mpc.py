@@ -74,7 +74,7 @@ def test_another_local_optimum_is_found_while_the_worse_one_is_followed(referenc
 
 
 def test_a_front_tyre_that_slides_at_its_lock_grips_again(references: dict[str, Reference]) -> None:
-    """Before a drift to the other side, on the wide population's vehicle that spun there.
+    """Before a drift to the other side, on the vehicle out of distribution that spun there.
 
     From the reference's steering the SQP ends at the lock again; from the other lock it does not.
     """

@@ -61,7 +61,7 @@ def test_products_by_stages_are_those_of_the_whole_matrices(references: dict[str
     assert model_bend == pytest.approx(z @ whole @ z, rel=1e-12)
 
 
-@pytest.mark.parametrize("beside", [False, True])
+@pytest.mark.parametrize("with_extra", [False, True])
 def test_an_iterates_numbers_are_those_of_the_program(references: dict[str, Reference], with_extra: bool) -> None:
     vehicle, rng = VehicleParameters(), np.random.default_rng(5)
     problem = OptimalControlProblem(NominalStepModel(vehicle), vehicle, HORIZON)

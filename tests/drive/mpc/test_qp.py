@@ -1,4 +1,4 @@
-"""The SQP's quadratic programs: what OSQP is told of them, and the interior-point method beside it."""
+"""The SQP's quadratic programs: what OSQP is given, and the interior-point method."""
 
 import dataclasses
 import signal
@@ -124,7 +124,7 @@ def test_the_interior_point_method_meets_the_optimality_conditions(
         stationary = cost_times(stages.hessian, found.z) + stages.gradient + matrix.T @ found.y
         np.testing.assert_allclose(stationary, 0.0, atol=1e-5)
         assert np.maximum(low - rows, rows - high).max() < 1e-5
-        # A multiplier pushes from the bound that holds.
+        # A multiplier acts from the bound that holds.
         assert (np.minimum(np.maximum(found.y, 0.0), high - rows) < 1e-3).all()
         assert (np.minimum(np.maximum(-found.y, 0.0), rows - low) < 1e-3).all()
         assert np.abs(found.y).max() > 1.0

@@ -179,7 +179,7 @@ def _asked(tables: list[pd.DataFrame]) -> tuple[IdentifiedCar | None, Choice]:
 def test_a_car_is_asked_for_more_only_where_it_is_not_yet_known(
     driven: list[pd.DataFrame], monkeypatch: pytest.MonkeyPatch, errors: dict[str, float], taken: str, hint: str
 ) -> None:
-    """As it is, with one thing more, as a double-track car, and as one whose sensors are off by far."""
+    """As it is, with an additional fault, as a double-track car, and as one whose sensors are off by far."""
     asked = []
 
     def single(_runs: object, _guess: object, more: tuple[str, ...] = ()) -> IdentifiedCar | None:

@@ -19,7 +19,7 @@ CONSIDERED = (
 
 @pytest.fixture(scope="session")
 def diagnosed(other_car):
-    """A function: runs of another day to their diagnosis, with few effects considered."""
+    """A function: runs of a later day to their diagnosis, with few effects considered."""
 
     def diagnosis(runs, case="day", catalogue=CONSIDERED):
         car = other_car.found
@@ -30,7 +30,7 @@ def diagnosed(other_car):
 
 @pytest.fixture(scope="session")
 def searched(other_car):
-    """A function: runs of another day to the search for causes among these effects, of which no answer is made."""
+    """A function: runs of a later day to the search for causes among these effects, of which no answer is made."""
 
     def search(runs, catalogue):
         car = other_car.found

@@ -1,4 +1,4 @@
-"""Forces that a car lacks every day, taken out of the innovations."""
+"""Forces that a car's model lacks, taken out of the innovations."""
 
 import dataclasses
 

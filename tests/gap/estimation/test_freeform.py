@@ -1,4 +1,4 @@
-"""Free-form forces: silent beside the right hypothesis, loud beside a wrong one."""
+"""Free-form forces: silent under the right hypothesis, loud under a wrong one."""
 
 from types import SimpleNamespace
 

@@ -1,4 +1,4 @@
-"""What is normal for a car: blocks, weights, files, and the scores of the day that it was learnt from."""
+"""The baseline of a car: blocks, weights, files, and the scores of the day that it was learnt from."""
 
 import dataclasses
 import json

@@ -1,4 +1,4 @@
-"""Windows: predictions against independent integrations of the same car, memories, fed speeds, rows left out."""
+"""Windows: predictions against independent integrations of the same car, internal states, fed speeds, rows left out."""
 
 import dataclasses
 import functools

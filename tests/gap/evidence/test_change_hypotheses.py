@@ -1,4 +1,4 @@
-"""Hypotheses of another day: ranges, curves of scores, evidence, and their probabilities."""
+"""Hypotheses of a change: ranges, curves of scores, evidence, and their probabilities."""
 
 import dataclasses
 from types import SimpleNamespace
@@ -171,7 +171,7 @@ def test_what_is_not_excluded_makes_none_less_certain_and_is_not_named():
     found = ranked([none, *not_excluded(search, [curve.hypothesis(search) for curve in search.curves])], 1, PRIORS)
     assert found.verdict == "none"
     assert found.probabilities["none"] < alone["none"]
-    # A single effect's whole prior beside that of none: the logs say nothing of either.
+    # A single effect's whole prior relative to that of none: the logs say nothing of either.
     assert found.probabilities["mass_error"] / found.probabilities["none"] == pytest.approx(
         CATALOGUE["mass_error"].daily * PRIORS.prior_single / PRIORS.prior_none, rel=0.3)  # fmt: skip
 

@@ -67,7 +67,7 @@ def test_deviations_far_beyond_tolerance_speak_for_unknown():
 @pytest.mark.parametrize("constants", [PosteriorConstants(), read_constants(), PRIORS])
 @pytest.mark.parametrize("catalogue", [2, CATALOGUE])
 def test_the_priors_of_all_that_excludes_each_other_sum_to_one(constants, catalogue):
-    """Those of another day were fitted one by one, and sum to a little more."""
+    """Those of a change were fitted one by one, and sum to a little more."""
     pairs = math.comb(catalogue, 2)
     known = sum(count * math.exp(log_prior(effects, catalogue, constants))
                 for effects, count in enumerate((1, catalogue, pairs)))  # fmt: skip

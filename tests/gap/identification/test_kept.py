@@ -43,7 +43,7 @@ def test_a_diagnosis_knows_as_little_of_it(other_car):
 
 @pytest.mark.parametrize("criterion", ["prediction", "likelihood"])
 def test_friction_stays_where_the_drives_do_not_show_it(strange_car_runs, monkeypatch, criterion):
-    """What the drives show is told otherwise here: the same runs, and friction called unseen."""
+    """What the drives show is stated otherwise here: the same runs, and friction called unseen."""
     monkeypatch.setattr(identification, "FURTHER", ())
     driving_of = identification.driving_of
     monkeypatch.setattr(identification, "driving_of", lambda *given: dataclasses.replace(driving_of(*given), used=0.3))

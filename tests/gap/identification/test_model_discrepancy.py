@@ -32,7 +32,7 @@ def test_scores_of_white_innovations_scatter_as_they_should():
 
 
 def test_scores_of_forces_that_are_lacking_scatter_by_their_power():
-    """Each score is that of its weight, information times weight, beside the noise."""
+    """Each score is that of its weight, information times weight, and the noise."""
     assert scatter(equations_with(0.1), np.zeros(2), np.zeros(2)) == pytest.approx([1.0 + 0.01 * ROWS] * 2, rel=0.6)
 
 

@@ -16,7 +16,7 @@ def test_a_parameter_that_stayed_at_its_prior_is_named_alone():
 
 
 def test_a_combination_is_named_with_its_signs():
-    """Mass and torque rise together: their ratio is told, their product is not."""
+    """Mass and torque rise together: their ratio is identified, their product is not."""
     prior = np.array([1.0, 1.0, 1.0])
     both = np.array([1.0, 1.0, 0.0]) / np.sqrt(2.0)
     other = np.array([1.0, -1.0, 0.0]) / np.sqrt(2.0)

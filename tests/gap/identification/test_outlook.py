@@ -1,4 +1,4 @@
-"""What another day would show after more recordings: limits of scores that are linear in the magnitudes."""
+"""Which changes would be seen after more recordings: limits of scores that are linear in the magnitudes."""
 
 import numpy as np
 import pytest
@@ -10,7 +10,7 @@ from drift_drake.gap.identification.outlook import gains, limits, never, outlook
 
 
 class Two:
-    """What is normal, of two effects."""
+    """The baseline of two effects."""
 
     names = ("mass_error", "gyro_bias")
     units = np.array([0.05, 0.01])

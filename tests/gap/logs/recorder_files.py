@@ -6,7 +6,7 @@ import numpy as np
 from importing_bench import truth
 
 EPOCH = 1.7e9  # [s]
-GPS_LATE = 0.008  # [s] that the second topic's stamps lie beside the first one's
+GPS_LATE = 0.008  # [s] that the second topic's stamps lie behind the first one's
 
 
 def topics():

@@ -1,4 +1,4 @@
-"""A car whose everyday driving the equations do not follow: what is normal for it is no change."""
+"""A car whose usual driving the equations do not follow: its baseline is no change."""
 
 import dataclasses
 import json

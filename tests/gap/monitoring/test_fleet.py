@@ -128,7 +128,7 @@ def test_days_of_which_nothing_can_be_judged_are_reported(tmp_path, capsys):
     VehicleParameters().to_yaml(tmp_path / "car.yaml")
     command = ["fleet", str(tmp_path / "fleet"), "--vehicle", str(tmp_path / "car.yaml"), "--workers", "1"]
     assert main(command) == 2
-    assert "of every day less than 2 s can be judged" in capsys.readouterr().err
+    assert "of each day less than 2 s can be judged" in capsys.readouterr().err
     write_run(run, tmp_path / "fleet" / "b" / "run_0.csv")
     assert main(command) == 0
     reported = capsys.readouterr()

@@ -1,4 +1,4 @@
-"""The monitor in the closed loop: a change is told, and the controller takes what is named."""
+"""The monitor in the closed loop: a change is reported, and the controller takes what is named."""
 
 import numpy as np
 import pytest

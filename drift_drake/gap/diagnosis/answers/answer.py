@@ -50,7 +50,7 @@ class Answer:
     where: dict[str, Any]
     reduction: Interval
     seconds: float
-    tolerances: dict[str, float]  # deviations from the vehicle file found beside the causes, in tolerances
+    tolerances: dict[str, float]  # deviations from the vehicle file found in addition to the causes, in tolerances
     details: dict[str, Any]
     warnings: list[str]
 

@@ -14,7 +14,7 @@ def corrected_vehicle(
     """The vehicle with the answer's causes added, and what comes along with them (`details["with"]`).
 
     Args:
-        tolerances: whether the deviations within tolerance that were found beside them are applied too;
+        tolerances: whether the deviations within tolerance that were found with them are applied too;
         own: effects that the vehicle had before.
 
     Examples:

@@ -3,7 +3,7 @@
 The search takes the scores' derivatives at the calibrated car, for all hypotheses alike. Under a large change that car
 is far off: errors are clipped there that are not once the change is put in, and tyres work elsewhere, so that a wrong
 change may seem normal and the right one not. What it leads with is therefore judged at the car with the change in it:
-derivatives, clipping and what is normal are taken again there, as Gauss and Newton's method does.
+derivatives, clipping and the baseline are taken again there, as Gauss and Newton's method does.
 """
 
 import dataclasses
@@ -105,7 +105,7 @@ def _led(search: Search, h: Hypothesis, limit: float, apart: float) -> At | None
 
 
 def _with_additional(h: Hypothesis) -> Hypothesis:
-    """What a hypothesis has beside its causes as causes too."""
+    """What a hypothesis has in addition to its causes, as causes too."""
     return dataclasses.replace(
         h,
         names=(*h.names, *h.additional),

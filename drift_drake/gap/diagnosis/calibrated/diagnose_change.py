@@ -1,4 +1,4 @@
-"""Another day of a car calibrated by prediction: what has changed since, if anything that is not normal for it.
+"""The change of a car from its baseline, calibrated by prediction: what has changed beyond that baseline's scatter.
 
 The car need not follow the equations: `estimation.scores` knows from the day of calibration how its errors scatter in
 each direction, and what that day's drives left unknown.
@@ -75,7 +75,7 @@ def diagnose_change(
     """Diagnoses the runs of one day.
 
     Args:
-        runs: of the same car on the same day; vehicle, own: the calibrated car; normal: what is normal for it
+        runs: of the same car on the same day; vehicle, own: the calibrated car; normal: its baseline's residuals
             (`drift-drake identify --json`); workers: threads; progress: called with a stage's name and the share done;
         constants: of the posterior; catalogue: effects to consider; false_alarms: rate at which a day without an
             effect may be said to have a gap.
@@ -239,7 +239,7 @@ def ranked_hypotheses(
     search: Search, none: Hypothesis, others: Sequence[Hypothesis], constants: PosteriorConstants,
     false_alarms: float = FALSE_ALARMS, noise: float | None = None,
 ) -> tuple[DayRanked, Reduction]:  # fmt: skip
-    """Probabilities, led by no cause that cannot be told from zero or removes nothing on held-out blocks."""
+    """Probabilities, led by no cause that cannot be distinguished from zero or removes nothing on held-out blocks."""
     kept = [none, *others]
     # Nothing can be judged where too little of the driving is known from the calibration.
     doubt = max(1.0 - float(np.mean(search.day.weights)) / LEAST_FAMILIAR, 0.0)
@@ -265,7 +265,7 @@ def unseen_sentence(name: str, q: float) -> str:
 
 
 def brought_along(h: Hypothesis, day: Day) -> dict[str, float]:
-    """What a hypothesis adds to the car beside its causes' magnitudes: stiffnesses that follow the loads."""
+    """What a hypothesis adds to the car in addition to its causes' magnitudes: stiffnesses that follow the loads."""
     own = magnitudes(h.names, h.magnitudes)
     return {name: value - own.get(name, 0.0) for name, value in h.effects(day).items() if value != own.get(name)}
 

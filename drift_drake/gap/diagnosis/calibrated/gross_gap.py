@@ -1,8 +1,8 @@
-"""A gap far beyond what is normal: hypotheses judged by the errors themselves, at the shortest horizon.
+"""A gap far beyond the baseline's residuals: hypotheses judged by the errors themselves, at the shortest horizon.
 
-Scores are clipped, and nearly linear around the calibrated car alone. Where a car is off by many times what is normal
-(drifts on a slippery floor of a car that was calibrated in grip), what counts is what removes most of the errors while
-no prediction has yet diverged. The scale of what is left is unknown: the likelihood is concentrated over it.
+Scores are clipped, and nearly linear around the calibrated car alone. Where a car is off by many times the baseline's
+residuals (drifts on a slippery floor of a car that was calibrated in grip), what counts is what removes most of the
+errors while no prediction has yet diverged. The scale of what is left is unknown: the likelihood is taken over it.
 """
 
 import dataclasses
@@ -31,7 +31,7 @@ from drift_drake.gap.evidence.ranking import DayRanked, concluded_from, prior
 FAR = 100.0  # mean square of a window, in scales, at which it counts half of what a diverged one does (Geman-McClure)
 PER_BLOCK = 4.0  # independent errors in a block of time
 SEEDS, PARTNERS = 4, 4  # singles that pairs are grown from, partners each that are fitted jointly
-PARTNER_GRID = (-0.8, -0.4, 0.4, 0.8)  # of the reach, beside a single
+PARTNER_GRID = (-0.8, -0.4, 0.4, 0.8)  # of the reach, for the partner of a single
 EVALUATIONS, SPREAD = 60, 0.3  # of a joint fit, and its first simplex, of the reach
 STEP = 0.05  # of the reach, for second derivatives
 MOST_WINDOWS = 200  # evenly chosen
@@ -173,7 +173,7 @@ def grown_singles(
 def grown_pairs(
     search: Search, starts: Mapping[str, tuple[float, float]], progress: Callable[[float], None]
 ) -> list[Hypothesis]:
-    """Pairs of the best singles with the partners that remove most beside them, jointly fitted."""
+    """Pairs of the best singles with the partners that remove most in addition, jointly fitted."""
 
     def partners(seed: str) -> list[tuple[float, str, float]]:
         tried = []

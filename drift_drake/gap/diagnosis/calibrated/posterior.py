@@ -1,4 +1,4 @@
-"""From hypotheses of another day to probabilities, a verdict, and magnitudes with intervals."""
+"""From hypotheses of a change to probabilities, a verdict, and magnitudes with intervals."""
 
 import dataclasses
 from collections.abc import Mapping, Sequence
@@ -134,8 +134,8 @@ def at_bound(h: Hypothesis, ranges: dict[str, Range]) -> list[str]:
 def not_excluded(search: Search, singles: Sequence[Hypothesis]) -> list[Hypothesis]:
     """Single effects that a day's logs do not show, and do not exclude either, with evidence over all magnitudes.
 
-    Their most likely magnitude cannot be told from zero, so that none of them is named; but each may be there, and what
-    it is believed to be is part of the probabilities, of `none` and of the ambiguity set.
+    Their most likely magnitude cannot be distinguished from zero, so that none of them is named; but each may be there,
+    and what it is believed to be is part of the probabilities, of `none` and of the ambiguity set.
     """
     curves = {(curve.name, curve.follows): curve for curve in search.curves}
     return [

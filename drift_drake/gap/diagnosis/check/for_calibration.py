@@ -30,7 +30,7 @@ class ForCalibration:
     missing: list[Missing]  # drives, the gravest first
     kept: list[str]  # parameters that would stay at their first guess
     disagreed: dict[str, str]  # parameters that recordings ask different values of, and which pulls each the most
-    outlook: Outlook  # by effect the least magnitude that another day would show, after `TIMES` as many recordings
+    outlook: Outlook  # by effect the least magnitude of a change that would be seen, after `TIMES` as many recordings
     remarks: list[str]
 
 

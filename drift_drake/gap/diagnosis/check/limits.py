@@ -23,7 +23,7 @@ Limits = dict[str, dict[str, Any]]  # by effect, as in an answer's `details.dete
 def limits_by_prediction(
     runs: Sequence[Run], vehicle: CarParameters, normal: Normal, own: Effects, case: str, workers: int
 ) -> tuple[Limits, list[str]]:
-    """Of a car that was calibrated by prediction, beside what is normal for it; and sentences on what is missing.
+    """Of a car that was calibrated by prediction, relative to its baseline; and sentences on what is missing.
 
     Raises:
         InvalidLogError: a column is missing, or there is too little driving.
@@ -39,7 +39,7 @@ def limits_by_filter(
     runs: Sequence[Run], vehicle: VehicleParameters, own: Effects, stated: Mapping[str, float],
     trust: Mapping[str, Any],
 ) -> tuple[Limits, list[str]]:  # fmt: skip
-    """Beside the vehicle file as it is, from the filter's innovations (`Isolability.limits`); of long logs a part.
+    """Relative to the vehicle file as it is, from the filter's innovations (`Isolability.limits`); of long logs a part.
 
     Args:
         stated: noise by column that an import stated; trust: options of `diagnose` from a calibration by likelihood.

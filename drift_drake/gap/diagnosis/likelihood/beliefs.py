@@ -1,6 +1,6 @@
 """What a diagnosis believes under each hypothesis, kept in the answer: enough to plan the next drive from.
 
-Beside the hypotheses that were fitted, those that the logs cannot speak of: an effect beside the leading hypothesis
+In addition to the hypotheses that were fitted, those that the logs do not show: an effect added to the leading one
 whose signature is so weak in these logs that a magnitude of its usual size goes unseen. Their probability is their
 prior's, times the share of their range that the logs leave open.
 """
@@ -104,7 +104,7 @@ def root_of(covariance: np.ndarray) -> np.ndarray:
 def unseen(
     problem: Problem, fit: Fit, leading: Belief, catalogue: Sequence[str], calibration: PosteriorConstants
 ) -> list[Belief]:
-    """Effects beside the leading hypothesis that the logs leave open, the most probable first."""
+    """Effects in addition to the leading hypothesis that the logs leave open, the most probable first."""
     others = [name for name in catalogue if name not in fit.names]
     if len(fit.names) > 1 or not others:
         return []

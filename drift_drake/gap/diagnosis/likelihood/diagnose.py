@@ -174,7 +174,7 @@ def nearest(problem: Problem, name: str, fit: Fit, nothing: Fit, magnitudes: dic
     For an answer's details; both are judged on blocks of the runs that they were not fitted to.
 
     `removes` is the hypothesis's share of the nominal car's squared innovations, `free_forces_remove` that of functions
-    of the state beside the car without effects.
+    of the state relative to the car without effects.
 
     Args:
         name: of the hypothesis, "none" if no effect comes nearer than the car as it is; fit: of it; nothing: of the car
@@ -200,7 +200,7 @@ def squares(problem: Problem, theta: np.ndarray, names: tuple[str, ...], rows: n
 
 
 def free_squares(problem: Problem, fit: Fit) -> float:
-    """Squared innovations that functions of the state leave beside a fit, each fold's under weights from the others."""
+    """Squared innovations that functions of the state leave of a fit, each fold's under weights from the others."""
     prior, by_fold = prior_precision(problem, len(fit.theta)), list[Equations]()
     for run, measured in zip(problem.runs, responses(problem, fit, "functions"), strict=True):
         by_fold = with_folds(by_fold, run, measured, len(fit.theta))

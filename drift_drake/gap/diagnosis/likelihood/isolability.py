@@ -17,7 +17,7 @@ SMALL = 0.05  # of an effect's scale
 
 @dataclasses.dataclass(frozen=True)
 class Isolability:
-    """Effects' signatures beside a fit, with the tolerances projected out."""
+    """Effects' signatures at a fit, with the tolerances projected out."""
 
     names: tuple[str, ...]
     likeness: np.ndarray  # [effects, effects] absolute cosine between signatures
@@ -54,7 +54,7 @@ class Isolability:
 
 
 def isolability(problem: Problem, fit: Fit, names: Sequence[str], small: bool = False) -> Isolability:
-    """Signatures of all effects beside a fit: derivatives of the innovations at a middling magnitude.
+    """Signatures of all effects at a fit: derivatives of the innovations at a middling magnitude.
 
     Where they are `small`, a step from zero: a tolerance of the vehicle file may then do what an effect does.
     """

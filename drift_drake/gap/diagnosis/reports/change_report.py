@@ -1,4 +1,4 @@
-"""The report of another day: one self-contained HTML file."""
+"""The report of a change from a calibrated baseline: one self-contained HTML file."""
 
 import dataclasses
 from collections.abc import Mapping
@@ -33,7 +33,7 @@ Cars = Mapping[str, np.ndarray]  # errors [windows, HORIZONS, channels] by the n
 
 @dataclasses.dataclass(frozen=True)
 class CoverageRow:
-    """How far the day was driven in one regime, beside the day of calibration."""
+    """How far the day was driven in one regime, relative to the baseline."""
 
     name: str
     unit: str
@@ -94,7 +94,7 @@ def overlay(day: Day, normal: Normal, index: int, cars: Cars, onset: Mapping[str
 
 
 def by_horizon(day: Day, normal: Normal, cars: Cars) -> Markup:
-    """Median absolute errors of each state against the horizon, beside those of the day of calibration."""
+    """Median absolute errors of each state against the horizon, with those of the baseline."""
     at, panels = np.array(day.runs[0].horizons), []
     for i, state in judged_states(day):
         usual = Line("day of calibration", at, normal.scales[:, i] / MAD, NORMAL)

@@ -1,7 +1,7 @@
 """What looks wrong in recordings: units, signs and clocks that contradict each other, a sentence for each.
 
 Columns are held against each other as every log's are (`screening.consistency`), without a vehicle file; zeros of
-headings and tilted sensors, which a file is imported with once and for all, beside them.
+headings and tilted sensors, which a file is imported with once and for all, in addition.
 """
 
 import math

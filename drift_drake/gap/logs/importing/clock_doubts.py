@@ -6,8 +6,8 @@ from drift_drake.common.arrays import Array
 
 FASTEST, SLOWEST = 5e3, 0.5  # [Hz] of a recorder's rows
 UNITS = {1.0: "s", 1e-3: "ms", 1e-6: "us", 1e-9: "ns"}
-COARSEST = 2.0  # [s] between packed times that a jump of 40 can be told from
-MINUTE, HOUR = 40.0, 4000.0  # that packed times jump by, beside the time that passed: hhmmss.ss
+COARSEST = 2.0  # [s] between packed times that a jump of 40 can be distinguished from
+MINUTE, HOUR = 40.0, 4000.0  # that packed times jump by, in addition to the time that passed: hhmmss.ss
 
 
 def clock_doubts(column: str, t: Array, unit: str) -> list[str]:

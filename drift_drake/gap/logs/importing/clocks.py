@@ -74,7 +74,7 @@ def _advances(topic: Topic, column: str) -> bool | None:
 
 
 def by_clock(topic: Topic) -> list[Topic]:
-    """A table in which each signal stands beside times of its own (`r_time, r, v_time, v`), as topics; else itself."""
+    """A table in which each signal has times of its own (`r_time, r, v_time, v`), as topics; else itself."""
     main = clock_of(topic)
     several = main is not None and " (column " in main
     if (main is not None and not several) or len(topic.table.columns) < 4:

@@ -40,7 +40,7 @@ def missing_quantities(mapping: "RecorderMapping") -> list[str]:
 
 
 def is_path_only(mapping: "RecorderMapping") -> bool:
-    """Whether the path of a satellite receiver is known, and too little beside it for a log."""
+    """Whether the path of a satellite receiver is known, and too little else for a log."""
     return is_followed(mapping) and bool(missing_quantities(mapping))
 
 

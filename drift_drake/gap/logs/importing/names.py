@@ -14,7 +14,7 @@ from drift_drake.gap.logs.wording.words import LONGEST, pieces, pieces_of_compou
 
 
 class Rule(NamedTuple):
-    """Ways to name a quantity, the best first, each a set of concepts; and what else may be said beside them."""
+    """Ways to name a quantity, the best first, each a set of concepts; and what else may be said with them."""
 
     ways: tuple[str, ...]
     qualifiers: str
@@ -22,7 +22,7 @@ class Rule(NamedTuple):
 
 COMMON = frozenset(["source", "car"])
 SAYS = {"acceleration": "acc", "angular rate": "rate", "speed": "speed"}  # what a unit says of its column
-SYMBOLS = ("x", "y", "r", "v", "t", "delta", "beta", "gee lat", "gee long", "v car")  # no unknown word beside these
+SYMBOLS = ("x", "y", "r", "v", "t", "delta", "beta", "gee lat", "gee long", "v car")  # no unknown word with these
 RULES = {
     "x": Rule(("pos x", "x"), "pos"),
     "y": Rule(("pos y", "y"), "pos"),

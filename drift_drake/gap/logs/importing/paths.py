@@ -1,4 +1,4 @@
-"""Recordings of a satellite receiver alone: its path, and what can be told from it.
+"""Recordings of a satellite receiver alone: its path, and what follows from it.
 
 Without a yaw rate there is no sideslip, and without a steering command nothing to compare the car with: such a
 recording is no log. Its path, speed and accelerations are written to be looked at.
@@ -19,7 +19,7 @@ from drift_drake.gap.logs.importing.recording import read_recording
 from drift_drake.gap.logs.importing.stretches import moving_stretches, stretch_of
 
 COLUMNS = {"t": "t", "x": "x", "y": "y", "course": "course", "v": "v", "path_ax": "ax", "path_ay": "ay"}
-USUAL = 99.0  # percentile of the accelerations that is told: the largest ones are noise
+USUAL = 99.0  # percentile of the accelerations that is stated: the largest ones are noise
 GRAVITY = 9.81
 
 
@@ -68,7 +68,7 @@ def import_paths(
 
 
 def path_sentences(paths: Sequence[DrivenPath], mapping: RecorderMapping) -> list[str]:
-    """What the paths tell, a line each, and what cannot be told."""
+    """What the paths show, a line each, and what they do not."""
     lines = []
     for number, path in enumerate(paths):
         table = path.table

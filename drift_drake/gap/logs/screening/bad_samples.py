@@ -10,12 +10,12 @@ from drift_drake.gap.logs.noise import white_noise_level
 
 LONGEST = 5  # rows of a spike; what lasts longer may be the car
 NEIGHBOURS = 8  # rows on either side that say what is expected; as many at a run's ends are not judged
-FROM_RANGE = 4.0  # half ranges of the rows beside that a spike lies outside of them
+FROM_RANGE = 4.0  # half ranges of the neighbouring rows that a spike lies outside of them
 FROM_NOISE = 8.0  # standard deviations of the channel's white noise
 FROM_USUAL = 8.0  # times what one row in a hundred of this channel lies outside of its neighbours
 USUAL = 0.99
 STEPS = 2.5  # steps of the channel's numbers, which rounding may make of a small change
-PASSES = 10  # a large spike hides smaller ones beside it
+PASSES = 10  # a large spike hides smaller ones next to it
 # Of frozen rows.
 SHORTEST = 5  # rows
 LONGEST_HOLD = 0.5  # [s] that any sensor holds a reading for: longer stretches are no yardstick of its usual hold
@@ -27,14 +27,14 @@ JUMP = 5.0  # usual changes, and changes right after it, that a coarse channel h
 STRAIGHT = 1e-3  # of the bends at the readings: rows that lie on the line between slower readings
 STANDING = 0.05  # of the high speeds of a run, below which everything may stand still
 FAR = 20.0  # usual changes to a value that no car reaches within a row
-EDGE = 5  # readings beside a stretch that tell whether the channel moved
+EDGE = 5  # readings next to a stretch that tell whether the channel moved
 
 
 def spikes(values: np.ndarray, resolution: float = 0.0) -> list[tuple[int, int]]:
     """Spans of rows (start, stop), in order, that are spikes of the signal [n].
 
     A row is one where it lies outside of the range of its neighbours on both sides, by far more than that range, than
-    the channel's white noise and than its rows usually do. Beside a step the range holds the step, so that hard
+    the channel's white noise and than its rows usually do. Next to a step the range holds the step, so that hard
     steering, wheel spin or a reading that is held for some rows are none.
 
     Args:
@@ -54,7 +54,7 @@ def spikes(values: np.ndarray, resolution: float = 0.0) -> list[tuple[int, int]]
 
 
 def filled(values: np.ndarray, bad: Sequence[tuple[int, int]]) -> np.ndarray:
-    """The signal [n] with bad spans of rows on the line between the rows beside them."""
+    """The signal [n] with bad spans of rows on the line between the rows next to them."""
     good, rows = ~in_spans(bad, len(values)), np.arange(len(values))
     return np.where(good, values, np.interp(rows, rows[good], values[good]))
 
@@ -82,11 +82,11 @@ def _clear_spikes(values: np.ndarray, resolution: float) -> list[tuple[int, int]
 def _outside_neighbours(values: np.ndarray, medians: np.ndarray, width: int) -> tuple[np.ndarray, np.ndarray]:
     """How far each window of `width` rows lies outside of its neighbours' range, and half that range.
 
-    Both [n - 2 BESIDE - width + 1], in the signal's unit, beside the line through the medians of either side; of the
-    neighbours the farthest is left out. Of a window's rows the one that lies outside least counts.
+    Both [n - 2 NEIGHBOURS - width + 1], in the signal's unit, relative to the line through the medians of either side;
+    of the neighbours the farthest is left out. Of a window's rows the one that lies outside least counts.
 
     Args:
-        medians: of the signal's stretches of BESIDE rows [n - BESIDE + 1].
+        medians: of the signal's stretches of NEIGHBOURS rows [n - NEIGHBOURS + 1].
     """
     total = 2 * NEIGHBOURS + width
     window = sliding_window_view(values, total)
@@ -153,7 +153,7 @@ def _weighted_median(lengths: np.ndarray) -> float:
 
 
 def _jump(changes: np.ndarray, usual: float) -> float:
-    """The first of the changes beside a stretch, in usual ones or those that follow it, whichever are larger."""
+    """The first of the changes next to a stretch, in usual ones or those that follow it, whichever are larger."""
     if not len(changes):
         return 0.0
     following = float(np.median(changes[1:])) if len(changes) > 1 else 0.0

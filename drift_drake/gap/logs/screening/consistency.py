@@ -31,7 +31,7 @@ class Consistency:
     """Doubts, the one that explains most first; unchecked: columns that no other column tells anything of.
 
     right: the columns [rows] by run once the doubts' factors are taken out; windows: of these; steer: `delta_cmd` over
-    what the wheelbase, or one of 1 m, asks for, 1 where it cannot be told.
+    what the wheelbase, or one of 1 m, asks for, 1 where it is not known.
     """
 
     doubts: list[Suspicion]
@@ -161,7 +161,7 @@ def _unchecked(
 ) -> tuple[str, ...]:
     """Columns that are in no relation that these logs could tell, but those in doubt."""
     found = [set(at.powers) for at in agreements(m)] if len(m.r) else []
-    # Of steering, with an understeer that is not known, hardly more than the sign is told.
+    # Of steering, with an understeer that is not known, hardly more than the sign is known.
     found += [set(at.kind.mirrors) | (set() if at.name == "steer" else set(at.kind.powers)) for at in held]
-    told = set().union(*(names for names in found if not names <= {*derived, "t"}), without)
-    return tuple(name for name in ASKED if name in runs[0] and name not in told)
+    derivable = set().union(*(names for names in found if not names <= {*derived, "t"}), without)
+    return tuple(name for name in ASKED if name in runs[0] and name not in derivable)

@@ -37,11 +37,11 @@ class Bounds:
 def gain(
     measured: np.ndarray, expected: np.ndarray, others: np.ndarray, blocks: np.ndarray, least: float = 0.6
 ) -> Bounds | None:
-    """The factor on `expected` that gives `measured`, beside a constant and the nuisances; None where too unlike.
+    """The factor on `expected` that gives `measured`, up to a constant and the nuisances; None where too unlike.
 
     Args:
         measured, expected: [windows]; others: nuisances [windows, n]; blocks: label of each window's block [windows];
-            least: correlation of what the nuisances leave of both, below which nothing is told.
+            least: correlation of what the nuisances leave of both, below which nothing is stated.
     """
     design = np.column_stack([np.ones(len(measured)), others])
     kept = np.isfinite(measured) & np.isfinite(expected) & np.isfinite(design).all(axis=1)

@@ -15,7 +15,7 @@ LIKE = 0.8  # correlation from which a column follows another
 UNLIKE = 0.5  # below which it does not
 NEARLY_ZERO, FASTEST = 0.5, 150.0  # [m/s] of a car that hardly moves, and of none
 SLOWER = 5.0  # times slower than the motion asks for
-APART = 0.03  # of a speed by which two of them have to differ to be told apart
+APART = 0.03  # of a speed by which two of them have to differ to be distinguished
 NEARER = 3.0  # times nearer to what the positions or the accelerations say
 STEADY = 0.15  # [rad] of sideslip up to which a car goes where it steers
 SMALLEST = 1e-9
@@ -128,7 +128,7 @@ def _left(values: np.ndarray, of: np.ndarray) -> float:
 
 
 def no_speed(m_all: Kinematics) -> list[Suspicion]:
-    """A speed that is nearly zero beside a car that turns or moves: another column was taken.
+    """A speed that is nearly zero for a car that turns or moves: another column was taken.
 
     Args:
         m_all: windows of any speed.

@@ -240,7 +240,7 @@ def _one_side(found: Sequence[Bounds | None]) -> bool:
 def _arm_by_wheels(m: Kinematics) -> Bounds | None:
     """How far to the left [m] the speed is measured: it is slower in a left turn by the yaw rate times that.
 
-    Beside what turning to either side, the speed, and a driving force do to a wheel's slip.
+    In addition to what turning to either side, the speed, and a driving force do to a wheel's slip.
     """
     forward = np.where(np.isfinite(m.forward), m.forward, m.v)
     rate = np.where(np.isfinite(m.along), m.along, m.gain)

@@ -8,7 +8,7 @@ from drift_drake.car.log.table import Run
 
 ALIKE = 1e-3  # of a column's range that rounding may move a reading by
 COMPARED = ("r", "v", "delta_cmd", "omega_r", "ay", "beta")
-LEAST = 0.02  # [1] of speed and [rad/s] that a run has to vary by, to be told from another that does nothing
+LEAST = 0.02  # [1] of speed and [rad/s] that a run has to vary by, to be distinguished from another that does nothing
 
 
 def without_repeated(runs: Sequence[Run]) -> tuple[list[Run], list[str]]:

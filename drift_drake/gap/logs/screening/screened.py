@@ -1,4 +1,4 @@
-"""Runs without their bad samples: found, listed, and filled from the rows beside."""
+"""Runs without their bad samples: found, listed, and filled from the rows next to them."""
 
 import dataclasses
 from collections.abc import Mapping, Sequence
@@ -108,7 +108,7 @@ def _bad_spans(values: np.ndarray, v: np.ndarray, size: float, period: float) ->
     held = frozen(values, v, size, period)
     found = [span for span in spikes(values, size) if not _overlaps(span, held)]
     if found:
-        # A spike beside readings that repeat looks like the jump at a frozen stretch's end.
+        # A spike next to readings that repeat looks like the jump at a frozen stretch's end.
         still = frozen(filled(values, found), v, size, period)
         held = [span for span in held if _overlaps(span, still)]
     return held, found

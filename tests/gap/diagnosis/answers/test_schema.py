@@ -85,6 +85,6 @@ def test_what_is_no_answer_is_refused(change, where):
 def test_shared_answers_follow_it():
     found = sorted(SHARED.rglob("answer*.json")) if SHARED.is_dir() else []
     if not found:
-        pytest.skip("there are no answers beside the repository (../shared)")
+        pytest.skip("there are no answers next to the repository (../shared)")
     for path in found:
         assert errors(json.loads(path.read_text())) == [], path

@@ -1,4 +1,4 @@
-"""Calibration by prediction and another day through the command line: files, options, errors."""
+"""Calibration by prediction and a later change through the command line: files, options, errors."""
 
 import json
 

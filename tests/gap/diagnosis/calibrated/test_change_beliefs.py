@@ -1,4 +1,4 @@
-"""What the next drive is planned from after another day: rivals, and effects that the logs could not show."""
+"""What the next drive is planned from after a change: rivals, and effects that the logs could not show."""
 
 import dataclasses
 

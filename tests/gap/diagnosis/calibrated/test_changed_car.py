@@ -28,7 +28,7 @@ def offset_by(other_car, searched):
 
 
 def test_what_is_put_into_the_commands_is_found_as_exactly_where_it_is_large(offset_by):
-    # The logs as they are have an offset of their own, which is beside the one put in.
+    # The logs as they are have an offset of their own, in addition to the one put in.
     up, down, small = (offset_by(q) for q in (0.05, -0.05, 0.015))
     own = 0.5 * (up.magnitudes[0] + down.magnitudes[0])
     assert up.magnitudes[0] - own == pytest.approx(0.05, rel=0.01)

@@ -1,4 +1,4 @@
-"""Another day of a car that no single-track model follows: verdicts, magnitudes, what an answer holds, bad logs."""
+"""Changes of a car that no single-track model follows: verdicts, magnitudes, what an answer holds, bad logs."""
 
 import dataclasses
 import json

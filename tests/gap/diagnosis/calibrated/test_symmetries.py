@@ -28,7 +28,7 @@ def mirrored_run(run: Run) -> Run:
 
 
 def mirrored_normal(normal: Normal) -> Normal:
-    """What is normal for the car that is the mirror's image of a car."""
+    """The baseline of the car that is the mirror's image of a car."""
     channels = np.array([-1.0 if name in MIRRORED else 1.0 for name in PREDICTED])
     of_errors = np.tile(channels, HORIZONS)
     effects = np.array([-1.0 if name in ODD else 1.0 for name in normal.names])

@@ -1,4 +1,4 @@
-"""The report of another day: what each verdict shows and leaves out, and that nothing comes from elsewhere."""
+"""The report of a change: what each verdict shows and leaves out, and that nothing comes from elsewhere."""
 
 import dataclasses
 import re

@@ -55,6 +55,6 @@ def as_wide(table: pd.DataFrame, times: list[str]) -> tuple[pd.DataFrame, dict[s
 
 
 def _units(names: "pd.Series[Any]", units: "pd.Series[Any]") -> dict[str, str]:
-    """The first unit that stands beside each signal."""
+    """The first unit that stands next to each signal."""
     stated: Any = units.astype("string").str.strip().groupby(names.to_numpy()).first()
     return {str(name): str(unit) for name, unit in stated.items() if isinstance(unit, str) and unit}

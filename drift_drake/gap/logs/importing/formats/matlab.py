@@ -289,7 +289,7 @@ def _with_tout(topic: Topic) -> Topic:
 
 
 def _named_once(topics: list[Topic]) -> list[Topic]:
-    """The topics, those of one name told apart by their rows, or by a number."""
+    """The topics, those of one name distinguished by their rows, or by a number."""
     names: list[str] = []
     for topic in topics:
         name = topic.name

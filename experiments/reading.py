@@ -3,15 +3,13 @@
     python -m experiments.reading
     python -m experiments.reading --root /path/to/another/checkout
 
-The exit code is 1 where a page has a coinage or a broken link. Coinages are also looked for in what the package says:
-texts of its messages, its reports, and the help of its commands.
+The exit code is 1 where a page has a coinage or a broken link. Coinages are also looked for in the code: in reports'
+templates, and in docstrings, comments, strings and names (`experiments.reading_code`).
 """
 
-import ast
 import dataclasses
 import re
 import unicodedata
-from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
@@ -19,14 +17,15 @@ import numpy as np
 
 from diagrams.command import run_command
 from drift_drake.common.errors import DriftDrakeError
+from experiments.reading_code import coined_names, said_in_code, sources
 
 ROOT = Path(__file__).parents[1]
 RESULTS = "experiments/results"
 NOTEBOOK = (RESULTS, "docs/api.md", "docs/contributing.md", "CHANGELOG.md", "CONTRIBUTING.md")  # not for users
 COINAGES = re.compile(
     r"\b(?:beside|(?:un)?told|another day(?:'s)?|what is normal|row weight|deaf(?:ness)?|everyday misfit"
-    r"|misfit of every day|(?:actuators'|car's|commands') memory|push(?:es)?|(?<!make )rooms?|opened once"
-    r"|wide vehicles?|mend(?:s|ed|ing)?|one thing more|something else (?:than|too))\b",
+    r"|misfit of every day|(?:actuators'|car's|commands'|effects'|own) memory|(?<!\.)push(?:es)?|(?<!make )rooms?"
+    r"|opened once|wide vehicles?|mend(?:s|ed|ing)?|one thing more|something else (?:than|too))\b",
     re.IGNORECASE,
 )
 FENCE = re.compile(r"^ *```.*?^ *```", re.DOTALL | re.MULTILINE)
@@ -117,27 +116,17 @@ def reading(page: Path) -> Reading:
     return Reading(len(text.splitlines()), len(text.split()), lengths, tuple(coinages(text)), tuple(broken_links(page)))
 
 
-def messages(root: Path) -> Iterator[tuple[str, str]]:
-    """(Place, text) of what the package says: strings of several words, pages' templates, help of commands."""
-    package = root / "drift_drake"
-    for path in sorted(package.rglob("*.html")):
-        yield (
-            str(path.relative_to(root)),
-            re.sub(r"<script.*?</script>", "", path.read_text(encoding="utf-8"), flags=re.S),
-        )
-    for path in sorted(package.rglob("*.py")):
-        tree = ast.parse(path.read_text(encoding="utf-8"))
-        stated = {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Expr)}  # docstrings
-        for node in ast.walk(tree):
-            if not isinstance(node, ast.Constant) or not isinstance(node.value, str) or " " not in node.value.strip():
-                continue
-            if path.is_relative_to(package / "cli") or id(node) not in stated:
-                yield f"{path.relative_to(root)}:{node.lineno}", node.value
-
-
-def coined_messages(root: Path) -> list[str]:
-    """Places and words of coinages in what the package says."""
-    return [f"{place}: {word}" for place, text in messages(root) for word in coinages(text)]
+def coinages_of_code(root: Path) -> list[str]:
+    """Places and words of coinages in reports' templates and in the code."""
+    found = []
+    for path in sorted((root / "drift_drake").rglob("*.html")):
+        text = re.sub(r"<script.*?</script>", "", path.read_text(encoding="utf-8"), flags=re.S)
+        found += [f"{path.relative_to(root)}: {word}" for word in coinages(text)]
+    for path in sources(root):
+        source, name = path.read_text(encoding="utf-8"), path.relative_to(root)
+        found += [f"{name}:{line}: {word}" for line, text in said_in_code(source) for word in coinages(text)]
+        found += [f"{name}:{line}: {word}" for line, word in coined_names(source)]
+    return found
 
 
 def table(found: dict[str, Reading]) -> str:
@@ -173,8 +162,8 @@ def main(config: ReadingConfig) -> None:
     users = [str(page.relative_to(root)) for page in of_users(root)]
     found["users' pages together"] = together([found[name] for name in users])
     print(table(found))
-    said = coined_messages(root)
-    print(f"\ncoinages in messages, reports and help: {len(said)}")
+    said = coinages_of_code(root)
+    print(f"\ncoinages in the code: {len(said)}")
     dated = {name: one for name, one in found.items() if not name.startswith((RESULTS, "users"))}
     bad = [f"{name}: {word}" for name, one in dated.items() for word in one.coinages]
     bad += [f"{name}: {link}" for name, one in found.items() if name[0] != "u" for link in one.broken]

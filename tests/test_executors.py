@@ -143,12 +143,12 @@ def test_a_worker_may_be_killed_at_any_moment(after: float) -> None:
 
 def test_workers_that_cannot_start_are_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(worker_pool, "PAUSE", 0.0)
-    monkeypatch.setattr(worker_pool._Worker, "__init__", no_memory)
+    monkeypatch.setattr(worker_pool._Worker, "__init__", short_of_memory)
     with pytest.raises(JobsFailedError, match="6 worker processes in a row ended while they started"):
         results_of(ExecutorConfig(workers=2), slow_square, range(3), "job")
 
 
-def no_memory(_worker: object) -> None:
+def short_of_memory(_worker: object) -> None:
     raise OSError(errno.ENOMEM, os.strerror(errno.ENOMEM))
 
 

@@ -26,13 +26,13 @@ def on_road(bank: Array | None, mass: float, gravity: float, effects: Effects) -
     if bank is None:
         return effects, NO_PUSH
     force = bank_force(bank, mass * (1.0 + effects.mass_error) * gravity, effects.road_bank)
-    push = np.zeros((len(bank), 3))
-    push[:-1, 1], push[-1, 1] = 0.5 * (force[:-1] + force[1:]), force[-1]
-    return effects._replace(road_bank=0.0), push
+    wrench = np.zeros((len(bank), 3))
+    wrench[:-1, 1], wrench[-1, 1] = 0.5 * (force[:-1] + force[1:]), force[-1]
+    return effects._replace(road_bank=0.0), wrench
 
 
-def with_bank(push: Array, banked: Array) -> Array:
+def with_bank(wrench: Array, banked: Array) -> Array:
     """The sum of two wrenches [rows, 3], either of them without rows where there is none."""
     if not len(banked):
-        return push
-    return banked + push if len(push) else banked
+        return wrench
+    return banked + wrench if len(wrench) else banked

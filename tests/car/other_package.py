@@ -15,7 +15,7 @@ WIND = """
 from drift_drake import Effect
 from drift_drake.car.scalar import cos, maximum, minimum, select, sin
 
-def push(r, v, beta, omega_r, psi, car, magnitude):
+def gust(r, v, beta, omega_r, psi, car, magnitude):
     return -magnitude * sin(psi), magnitude * cos(psi), 0.3 * magnitude
 
 def limp(delta, tau, v, magnitude):
@@ -34,7 +34,7 @@ def boost(r, v, beta, omega_r, delta, tau, car, magnitude):
     return tau
 
 SIDE_WIND = Effect("N", -1500.0, 1500.0, "a wind from the fixed frame's right acts with q", needs=("psi",),
-                   shown_by="straight stretches there and back", force=push)
+                   shown_by="straight stretches there and back", force=gust)
 LIMP_MODE = Effect("-", 0.05, 0.6, "torque falls by q", "actuator", needs=("tau_cmd",), actuation=limp)
 GYRO_SCALE = Effect("rad/m", -0.005, 0.005, "the yaw rate reads q omega_r more", "sensor", reading=drift)
 TURBO_LAG = Effect("s", 0.05, 0.5, "torque rises with a lag of q, and falls at once", "actuator",

@@ -74,16 +74,16 @@ def test_compiled_modules_rest_on_all_that_they_load():
     assert not loaded - found
 
 
-@pytest.mark.parametrize(("newer", "stays"), [("far.py", False), ("room/near.py", False), ("other.py", True)])
+@pytest.mark.parametrize(("newer", "stays"), [("far.py", False), ("part/near.py", False), ("other.py", True)])
 def test_a_cache_is_stale_once_a_file_that_it_rests_on_is_newer(tmp_path, monkeypatch, newer, stays):
     package = tmp_path / "drift_drake"
-    (package / "room" / "__pycache__").mkdir(parents=True)
-    index = package / "room" / "__pycache__" / "mine.function-1.py311.nbi"
+    (package / "part" / "__pycache__").mkdir(parents=True)
+    index = package / "part" / "__pycache__" / "mine.function-1.py311.nbi"
     sources = {
-        "room/mine.py": "from drift_drake.room import (\n    near,\n)\n",
-        "room/near.py": "from drift_drake.far import NUMBER\n",
+        "part/mine.py": "from drift_drake.part import (\n    near,\n)\n",
+        "part/near.py": "from drift_drake.far import NUMBER\n",
         "far.py": "NUMBER = 1.0\n",
-        "other.py": "import drift_drake.room.mine\n",
+        "other.py": "import drift_drake.part.mine\n",
     }
     for name, text in sources.items():
         (package / name).write_text(text)

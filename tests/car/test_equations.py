@@ -13,16 +13,16 @@ from drift_drake.car.single_track.plant import VehiclePlant
 from drift_drake.common.arrays import Array
 
 EFFECTS = Effects(mass_error=0.1, cg_shift=0.05, aero_drag=0.8, road_grade=0.03, tyre_relaxation=0.4)
-STATE, COMMAND, PUSH = (0.4, 11.0, -0.2, 11.8), (0.12, 180.0), np.array([300.0, -200.0, 150.0])
+STATE, COMMAND, WRENCH = (0.4, 11.0, -0.2, 11.8), (0.12, 180.0), np.array([300.0, -200.0, 150.0])
 HEADING = 0.7
 KINDS = [(VehicleParameters(), VehiclePlant, 2), (CARS["coupe"], DoubleTrackPlant, 0)]
 
 
 @compiled
-def _rates(z: Array, delta: float, torque: float, constants: tuple[float, ...], effects: Effects, push: Array,
+def _rates(z: Array, delta: float, torque: float, constants: tuple[float, ...], effects: Effects, wrench: Array,
            out: Array, decays: Array) -> float:  # fmt: skip
     equations.settle(z, delta, torque, constants, effects)
-    equations.rates(z, (delta, torque), (constants, effects, push), out)
+    equations.rates(z, (delta, torque), (constants, effects, wrench), out)
     equations.decays(z, constants, effects, decays)
     return equations.fastest(z, constants, effects)
 
@@ -41,11 +41,11 @@ def test_rates_are_the_plants(car: CarParameters, plant: type, commanded: int) -
     context = system.CreateDefaultContext()
     system.set_initial(context, [*STATE, 0.0, 0.0], pose=(0.0, 0.0, HEADING), actuation=COMMAND)
     system.GetInputPort("actuation").FixValue(context, COMMAND)
-    system.GetInputPort("disturbance").FixValue(context, PUSH)
+    system.GetInputPort("disturbance").FixValue(context, WRENCH)
     expected = system.EvalTimeDerivatives(context).CopyToVector()
     z = settled(car)
     out = np.zeros(len(z))
-    equations.rates(z, COMMAND, (car.constants(), EFFECTS, PUSH), out)
+    equations.rates(z, COMMAND, (car.constants(), EFFECTS, WRENCH), out)
     np.testing.assert_allclose(out[:4], expected[:4], rtol=1e-9)
     assert out[4] == expected[9]
     np.testing.assert_allclose(out[5:], expected[10 + commanded :], rtol=1e-9, atol=1e-9)
@@ -56,10 +56,10 @@ def test_compiled_code_finds_the_car_by_its_numbers(car: CarParameters, plant: t
     z = settled(car)
     again, out, decays = z.copy(), np.zeros(len(z)), np.zeros(len(z))
     again[5:] = 0.0
-    fastest = _rates(again, *COMMAND, car.constants(), EFFECTS, PUSH, out, decays)
+    fastest = _rates(again, *COMMAND, car.constants(), EFFECTS, WRENCH, out, decays)
     np.testing.assert_allclose(again, z, rtol=1e-9, atol=1e-12)
     expected, plain = np.zeros(len(z)), np.zeros(len(z))
-    equations.rates(z, COMMAND, (car.constants(), EFFECTS, PUSH), expected)
+    equations.rates(z, COMMAND, (car.constants(), EFFECTS, WRENCH), expected)
     equations.decays(z, car.constants(), EFFECTS, plain)
     np.testing.assert_allclose(out, expected, rtol=1e-9, atol=1e-9)
     np.testing.assert_allclose(decays, plain)
@@ -87,6 +87,6 @@ def test_effects_that_change_numbers_are_folded_into_them(car: CarParameters, pl
     assert rest.mass_error == rest.cg_shift == 0.0
     assert rest.road_grade == EFFECTS.road_grade
     z, out, expected = settled(car), np.zeros(50), np.zeros(50)
-    equations.rates(z, COMMAND, (constants, rest, PUSH), out)
-    equations.rates(z, COMMAND, (car.constants(), EFFECTS, PUSH), expected)
+    equations.rates(z, COMMAND, (constants, rest, WRENCH), out)
+    equations.rates(z, COMMAND, (car.constants(), EFFECTS, WRENCH), expected)
     np.testing.assert_allclose(out, expected, rtol=1e-12, atol=1e-12)

@@ -84,9 +84,9 @@ except ValueError as error:
     assert "side_wind" in str(error)
 
 # The filter: what a side wind does to a straight drive is small once it is known of.
-rows, push = 60, 1200.0
+rows, gust = 60, 1200.0
 t = 0.02 * np.arange(rows)
-plant = VehiclePlant(car, make_effects({"side_wind": push}))
+plant = VehiclePlant(car, make_effects({"side_wind": gust}))
 from pydrake.systems.analysis import Simulator
 simulator = Simulator(plant)
 context = simulator.get_mutable_context()
@@ -102,7 +102,7 @@ run = Run("run_0", t, x[:, 0], x[:, 1], np.zeros(rows), np.full(rows, 100.0), x[
 problem = make_problem([run], car)
 theta = np.zeros(problem.nuisances)
 without = filter_case(problem, theta, ())
-known = filter_case(problem, np.append(theta, push), ("side_wind",))
+known = filter_case(problem, np.append(theta, gust), ("side_wind",))
 assert np.sum(known.innovations[0] ** 2) < 0.7 * np.sum(without.innovations[0] ** 2)
 print("all hold")
 """
@@ -147,7 +147,7 @@ sys.exit(main(["simulate", "slalom", "--vehicle", "storm.yaml", "--out", "x.csv"
     ("effects", "says"),
     [
         ({"number": "WIND"}, "effect number (wind:WIND): cannot be imported"),
-        ({"push": "push"}, "effect push (wind:push): is no drift_drake.Effect"),
+        ({"gust": "gust"}, "effect gust (wind:gust): is no drift_drake.Effect"),
         ({"half": "HALF"}, "a state needs both rate and start"),
         ({"endless": "ENDLESS"}, "its rate or start fails"),
         ({"early": "EARLY"}, "its range begins at -0.1 s; give a delay one above zero"),
@@ -215,10 +215,10 @@ def test_the_command_line_says_so_in_one_sentence(tmp_path: Path, effects: dict[
 )
 def test_a_record_or_physics_with_a_flaw_is_named(tmp_path: Path, changes: str, says: str) -> None:
     source = "from dataclasses import replace\nfrom drift_drake import Effect\n"
-    source += "PUSH = Effect('N', -1.0, 1.0, 'a push', force=lambda r, v, beta, omega_r, psi, car, q: (0.0, q, 0.0))\n"
-    install_package(tmp_path, "flawed", source + f"FLAWED = replace(PUSH, {changes})\n", "effects", {"push": "FLAWED"})
+    source += "GUST = Effect('N', -1.0, 1.0, 'a gust', force=lambda r, v, beta, omega_r, psi, car, q: (0.0, q, 0.0))\n"
+    install_package(tmp_path, "flawed", source + f"FLAWED = replace(GUST, {changes})\n", "effects", {"gust": "FLAWED"})
     said = refusal("flawed", tmp_path, installed_effects.__wrapped__)
-    assert said.startswith("effect push (flawed:FLAWED): ")
+    assert said.startswith("effect gust (flawed:FLAWED): ")
     assert any(words in said for words in says.split("|"))
     assert "\n" not in said
 
@@ -240,8 +240,8 @@ assert SENSORS[-1] == "gain"
 
 @pytest.mark.parametrize("source", ["import sys\nsys.exit(0)\n", "raise KeyError('no')\n", "raise GeneratorExit\n"])
 def test_a_package_that_ends_python_is_named(tmp_path: Path, source: str) -> None:
-    install_package(tmp_path, "ending", source, "effects", {"push": "PUSH"})
-    assert "effect push (ending:PUSH): cannot be imported (" in refusal(
+    install_package(tmp_path, "ending", source, "effects", {"gust": "GUST"})
+    assert "effect gust (ending:GUST): cannot be imported (" in refusal(
         "ending", tmp_path, installed_effects.__wrapped__
     )
 

@@ -12,7 +12,7 @@ from experiments.reading import (
     anchors,
     broken_links,
     coinages,
-    coined_messages,
+    coinages_of_code,
     main,
     of_users,
     pages,
@@ -49,8 +49,20 @@ def test_links_lead_somewhere_and_words_are_the_fields(page: Path) -> None:
     assert page.is_relative_to(ROOT / "experiments") or not coinages(page.read_text(encoding="utf-8"))
 
 
-def test_messages_reports_and_help_have_the_fields_words() -> None:
-    assert not coined_messages(ROOT)
+def test_the_code_has_the_fields_words() -> None:
+    assert not coinages_of_code(ROOT)
+
+
+def test_coinages_are_found_in_strings_comments_and_names(tmp_path: Path) -> None:
+    (tmp_path / "tests").mkdir()
+    (tmp_path / "tests" / "some.py").write_text(
+        '"""A car beside another."""\n\nEVERYDAY_MISFIT = {"deaf": "a key"}  # what is\n# normal\n\n\n'
+        'class WithMemoryScale:\n    """`told` is a name."""\n'
+    )
+    assert coinages_of_code(tmp_path) == [
+        "tests/some.py:1: beside", "tests/some.py:3: what is normal", "tests/some.py:3: EVERYDAY_MISFIT",
+        "tests/some.py:7: WithMemoryScale",
+    ]  # fmt: skip
 
 
 def test_sentences_are_found_in_paragraphs_and_lists_alone() -> None:
@@ -82,7 +94,7 @@ def test_a_page_with_a_coinage_is_named(tmp_path: Path, capsys: pytest.CaptureFi
     (tmp_path / "drift_drake").mkdir()
     (tmp_path / "README.md").write_text("# A car\n\nIt is fast. It drifts.\n")
     (tmp_path / "docs" / "page.md").write_text("A car beside a [wall](wall.md).\n")
-    (tmp_path / "drift_drake" / "says.py").write_text('"""Told in code alone."""\n\nTEXT = "a car of another day"\n')
+    (tmp_path / "drift_drake" / "says.py").write_text('"""A car."""\n\nTEXT = "a car of another day"\n')
     with pytest.raises(UnreadablePagesError) as found:
         main(ReadingConfig(tmp_path))
     assert str(found.value).splitlines()[1:] == [

@@ -7,14 +7,14 @@ from drift_drake.car.parameters import VehicleParameters
 from experiments.gap.model_discrepancy import DISCREPANCIES, counts, drawn_days, numbers, table
 
 
-def test_misfits_take_turns_and_the_second_day_adds_one_effect():
+def test_discrepancies_take_turns_and_the_second_day_adds_one_effect():
     days = [drawn_days(np.random.default_rng([3, i]), i, VehicleParameters()) for i in range(len(DISCREPANCIES))]
-    assert [next(iter(day.everyday.strange)) for day in days] == list(DISCREPANCIES)
+    assert [next(iter(day.baseline.strange)) for day in days] == list(DISCREPANCIES)
     for day in days:
-        assert day.everyday.effects == {}
+        assert day.baseline.effects == {}
         assert len(day.changed.effects) == 1
         assert set(day.changed.effects) <= set(CATALOGUE)
-        assert (day.changed.strange, day.changed.deviations) == (day.everyday.strange, day.everyday.deviations)
+        assert (day.changed.strange, day.changed.deviations) == (day.baseline.strange, day.everyday.deviations)
 
 
 def answered(name, ambiguity, magnitudes):

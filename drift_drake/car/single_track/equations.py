@@ -39,11 +39,11 @@ def settle(z: Any, delta: Any, torque: Any, constants: Any, effects: Any) -> Non
 @jitable
 def rates(z: Any, command: Any, car: Any, out: Any) -> None:
     """Writes the states' rates."""
-    constants, effects, push = car
+    constants, effects, wrench = car
     zero = 0.0 * z[0]
     internal = InternalStates(*((zero, zero) + fixed_tuple(z[5:], HELD)))  # noqa: RUF005 (for numba)
     motion, further = motion_with_effects(z[0], z[1], z[2], z[3], z[4], internal, command[0] + zero, command[1] + zero,
-                                          constants, effects, push[0], push[1], push[2])  # fmt: skip
+                                          constants, effects, wrench[0], wrench[1], wrench[2])  # fmt: skip
     out[0], out[1], out[2], out[3], out[4] = motion.r_dot, motion.v_dot, motion.beta_dot, motion.omega_r_dot, z[0]
     for i, rate in enumerate(further[2:]):
         out[5 + i] = rate

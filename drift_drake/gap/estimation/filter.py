@@ -151,7 +151,7 @@ def update_covariance(
 @compiled
 def filter_run(
     y: Any, first: Any, used: Any, delta: Any, torque: Any, period: Any, constants: Any, effects: Any, noise: Any,
-    process: Any, pushes: Any, innovations: Any, gain: Any, whitening: Any,
+    process: Any, wrenches: Any, innovations: Any, gain: Any, whitening: Any,
 ) -> Any:  # fmt: skip
     """Extended Kalman filter over one run.
 
@@ -160,7 +160,7 @@ def filter_run(
             before are left zero; used: which channels count [9].
         delta, torque: on the stages' grid (`filter_state.actuated`); period: [s]; constants, effects: the car.
         noise: measurement variances [9]; process: process noise of the first nine states, variance a second [9].
-        pushes: wrenches as in `observe_run`.
+        wrenches: wrenches as in `observe_run`.
         innovations [rows, 9], gain [rows, 9, 9] (states by channels), whitening [rows, 9, 9]: filled.
     """
     rows = y.shape[0]
@@ -172,10 +172,10 @@ def filter_run(
     p, f, t = np.zeros((n, n)), np.zeros((n, n)), np.zeros((n, n))
     scratch = np.zeros((n, n))
     h, ph, s, low = np.zeros((m, n)), np.zeros((n, m)), np.zeros((m, m)), np.zeros((m, m))
-    predicted, nu, push = np.zeros(m), np.zeros(m), np.zeros(3)
+    predicted, nu, wrench = np.zeros(m), np.zeros(m), np.zeros(3)
     relaxed = effects.tyre_relaxation > 0.0
     moving = CORRECTED if relaxed else UNRELAXED
-    pushed = pushes.shape[0] == rows
+    acting = wrenches.shape[0] == rows
     graded = depends_on_heading(effects)
     measurement_matrix(effects, h)
     first_state(y, first, used, delta, torque, constants, effects, z)
@@ -192,14 +192,14 @@ def filter_run(
     for row in range(first + 1, rows):
         transition(jacobian, period, moving, f, t, scratch)
         propagate(f, process, period, moving, p, t)
-        if pushed:
-            push[:] = pushes[row - 1]
-        advance_row(z, delta, torque, row - 1, step, constants, effects, push, k, w)
-        if pushed:
-            push[:] = pushes[row]
+        if acting:
+            wrench[:] = wrenches[row - 1]
+        advance_row(z, delta, torque, row - 1, step, constants, effects, wrench, k, w)
+        if acting:
+            wrench[:] = wrenches[row]
         at = STAGES * row
         linearise(z, delta[at], torque[at], constants, effects, relaxed, graded, probe, jacobian)
-        rates_of(z, delta[at], torque[at], constants, effects, push, k)
+        rates_of(z, delta[at], torque[at], constants, effects, wrench, k)
         predict_measurement(z, k[SIZE], k[SIZE + 1], effects, predicted)
         for j in range(n):
             h[4, j] = jacobian[SIZE, j]
@@ -237,7 +237,7 @@ def observe_run(
     period: Any,
     constants: Any,
     effects: Any,
-    pushes: Any,
+    wrenches: Any,
     gain: Any,
     whitening: Any,
     innovations: Any,
@@ -248,7 +248,7 @@ def observe_run(
 
     Args:
         known: corrected state [SIZE] at `first`; with zero numbers it is what the row measures.
-        pushes: further force (F_x, F_y) [N] and yaw moment [N m] on the body from each row to the next [rows, 3];
+        wrenches: further force (F_x, F_y) [N] and yaw moment [N m] on the body from each row to the next [rows, 3];
             none with zero rows.
         states: left alone if it has zero rows.
         others: as in `filter_run`.
@@ -256,8 +256,8 @@ def observe_run(
     rows = y.shape[0]
     step = period / SUBSTEPS
     z, k, w = np.zeros(SIZE), np.zeros(SIZE + 2), np.zeros((2, SIZE))
-    predicted, nu, push = np.zeros(MEASURED), np.zeros(MEASURED), np.zeros(3)
-    keep, pushed = states.shape[0] == rows, pushes.shape[0] == rows
+    predicted, nu, wrench = np.zeros(MEASURED), np.zeros(MEASURED), np.zeros(3)
+    keep, acting = states.shape[0] == rows, wrenches.shape[0] == rows
     if known.shape[0] == SIZE:
         z[:] = known
     else:
@@ -266,13 +266,13 @@ def observe_run(
     if keep:
         states[: first + 1] = z
     for row in range(first + 1, rows):
-        if pushed:
-            push[:] = pushes[row - 1]
-        advance_row(z, delta, torque, row - 1, step, constants, effects, push, k, w)
+        if acting:
+            wrench[:] = wrenches[row - 1]
+        advance_row(z, delta, torque, row - 1, step, constants, effects, wrench, k, w)
         at = STAGES * row
-        if pushed:
-            push[:] = pushes[row]
-        rates_of(z, delta[at], torque[at], constants, effects, push, k)
+        if acting:
+            wrench[:] = wrenches[row]
+        rates_of(z, delta[at], torque[at], constants, effects, wrench, k)
         predict_measurement(z, k[SIZE], k[SIZE + 1], effects, predicted)
         correct(y[row], used, predicted, gain[row], whitening[row], nu, z, innovations[row])
         if keep:

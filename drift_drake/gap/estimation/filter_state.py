@@ -165,8 +165,8 @@ def state_rates(
 
 
 @jitable
-def rates_of(z: Any, delta: Any, torque: Any, constants: Any, effects: Any, push: Any, out: Any) -> Any:
-    rates = state_rates(z, delta, torque, constants, effects, push[0], push[1], push[2])
+def rates_of(z: Any, delta: Any, torque: Any, constants: Any, effects: Any, wrench: Any, out: Any) -> Any:
+    rates = state_rates(z, delta, torque, constants, effects, wrench[0], wrench[1], wrench[2])
     for i, rate in enumerate(rates):
         out[i] = rate
 
@@ -191,21 +191,31 @@ def commanded(delta: Any, torque: Any, place: Any) -> Any:
 
 @jitable
 def filter_step(
-    z: Any, delta: Any, torque: Any, at: Any, end: Any, h: Any, constants: Any, effects: Any, push: Any, k: Any, w: Any
+    z: Any,
+    delta: Any,
+    torque: Any,
+    at: Any,
+    end: Any,
+    h: Any,
+    constants: Any,
+    effects: Any,
+    wrench: Any,
+    k: Any,
+    w: Any,
 ) -> Any:
     """One step of h seconds, in place, between two places of the commands' grid.
 
     k [SIZE + 2] and w [2, SIZE] are scratch.
     """
     first, middle = commanded(delta, torque, at), commanded(delta, torque, 0.5 * (at + end))
-    runge_kutta(_rates, z, first, middle, commanded(delta, torque, end), h, (constants, effects, push), k, w)
+    runge_kutta(_rates, z, first, middle, commanded(delta, torque, end), h, (constants, effects, wrench), k, w)
     z[1] = max(z[1], MIN_FILTER_SPEED)
     z[3] = max(z[3], 0.0)
 
 
 @compiled
 def advance_row(
-    z: Any, delta: Any, torque: Any, row: Any, step: Any, constants: Any, effects: Any, push: Any, k: Any, w: Any
+    z: Any, delta: Any, torque: Any, row: Any, step: Any, constants: Any, effects: Any, wrench: Any, k: Any, w: Any
 ) -> Any:
     """One row of Runge-Kutta steps, in place, under a further force and moment; k [SIZE + 2], w [2, SIZE] are scratch.
 
@@ -216,7 +226,7 @@ def advance_row(
     for substep in range(SUBSTEPS * splits):
         at = STAGES * row + 2.0 * substep / splits
         end = at + 2.0 / splits
-        filter_step(z, delta, torque, at, end, h, constants, effects, push, k, w)
+        filter_step(z, delta, torque, at, end, h, constants, effects, wrench, k, w)
 
 
 @compiled

@@ -44,9 +44,9 @@ def clock_rate(run: WindowedRun) -> np.ndarray:
 
 def yaw_moment(run: WindowedRun, constants: CarConstants) -> np.ndarray:
     """A wrench [rows, 3] (`windows.run_errors`): a yaw moment on the body, at all times."""
-    push = np.zeros((len(run.y), 3))
-    push[:, 2] = TURNING * constants.yaw_inertia
-    return push
+    wrench = np.zeros((len(run.y), 3))
+    wrench[:, 2] = TURNING * constants.yaw_inertia
+    return wrench
 
 
 OF_SENSORS: dict[str, Callable[[WindowedRun], np.ndarray]] = {

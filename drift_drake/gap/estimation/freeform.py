@@ -1,6 +1,6 @@
 """What forces a hypothesis leaves unexplained: Bayesian linear regression in force space.
 
-Two sets of regressors push the car beside a fitted hypothesis: pulses in time (any force, at any moment) and functions
+Two sets of regressors force the car of a fitted hypothesis: pulses in time (any force, at any moment) and functions
 of the state (what a correction could be learned from) with constant offsets of the sensors. Their weights have
 closed-form evidence, with one prior scale per force channel, and one for the sensors, found by expectation
 maximisation. The evidence that they gain measures what the hypothesis misses; their forces say where, and the state
@@ -109,7 +109,7 @@ def pulses(rows: int, period: float) -> np.ndarray:
     return np.maximum(1.0 - np.abs(t[:, None] - centres) / width, 0.0)
 
 
-def pushed(
+def forced(
     problem: Problem, gains: Gains, fit: Fitted, index: int, states: np.ndarray, shapes: np.ndarray
 ) -> np.ndarray:
     """Derivatives of one run's innovations that count by the weights of shapes in time [rows, shapes] in each channel.
@@ -120,15 +120,15 @@ def pushed(
     run, units, base = problem.runs[index], force_units(problem), gains.innovations[index]
     out = np.empty((counted(problem, run, base).size, len(FORCE_CHANNELS) * shapes.shape[1]))
     for column, (channel, shape) in enumerate(itertools.product(range(len(FORCE_CHANNELS)), shapes.T)):
-        push = np.zeros((len(base), 3))
+        wrench = np.zeros((len(base), 3))
         torque = None
         if channel < 3:
-            push[:, channel] = units[channel] * shape
+            wrench[:, channel] = units[channel] * shape
         else:
             torque = units[channel] / problem.nominal.gear_ratio * shape
         since = int(np.argmax(shape != 0.0)) - 1
         since, known = (since, states[since]) if since > first_row(run, fit.names) else (0, NO_STATE)
-        e = observe(problem, gains, fit.theta, fit.names, index, push, torque, since=since, known=known)
+        e = observe(problem, gains, fit.theta, fit.names, index, wrench, torque, since=since, known=known)
         change = np.zeros_like(base)
         change[since + 1 :] = e[1:] - base[since + 1 :]
         out[:, column] = counted(problem, run, change).ravel()
@@ -159,7 +159,7 @@ def responses(problem: Problem, fit: Fitted, kind: str) -> Iterator[Responses]:
         base = gains.innovations[i]
         states = filtered_states(problem, gains, fit.theta, fit.names, i)
         shapes = pulses(len(base), run.period) if kind == "pulses" else state_functions(problem, fit, states, i)
-        d = pushed(problem, gains, fit, i, states, shapes)
+        d = forced(problem, gains, fit, i, states, shapes)
         channel_of = np.repeat(np.arange(len(FORCE_CHANNELS)), shapes.shape[1])
         if kind == "functions":
             offsets = offset_responses(problem, gains, fit, i, base)

@@ -42,7 +42,7 @@ def start_rows(run: RunData) -> np.ndarray:
 @compiled
 def roll_out(
     states: Any, starts: Any, steps: Any, delta: Any, torque: Any, period: Any, constants: Any, effects: Any,
-    pushes: Any, out: Any,
+    wrenches: Any, out: Any,
 ) -> Any:  # fmt: skip
     """Predicted measurements out [starts, horizons, 9] at `steps` [horizons] rows after each start; NaN beyond the end.
 
@@ -50,9 +50,9 @@ def roll_out(
         states: filtered states [rows, SIZE]; the rest as in `filter.filter_run`.
     """
     rows = states.shape[0]
-    pushed = pushes.shape[0] == rows
+    acting = wrenches.shape[0] == rows
     step = period / SUBSTEPS
-    z, k, w, push = np.zeros(SIZE), np.zeros(SIZE + 2), np.zeros((2, SIZE)), np.zeros(3)
+    z, k, w, wrench = np.zeros(SIZE), np.zeros(SIZE + 2), np.zeros((2, SIZE)), np.zeros(3)
     predicted = np.zeros(MEASURED)
     for s in range(len(starts)):
         z[:] = states[starts[s]]
@@ -63,14 +63,14 @@ def roll_out(
                 out[s, h] = np.nan
                 continue
             for row in range(starts[s] + done, end):
-                if pushed:
-                    push[:] = pushes[row]
-                advance_row(z, delta, torque, row, step, constants, effects, push, k, w)
+                if acting:
+                    wrench[:] = wrenches[row]
+                advance_row(z, delta, torque, row, step, constants, effects, wrench, k, w)
             done = steps[h]
             at = STAGES * end
-            if pushed:
-                push[:] = pushes[end]
-            rates_of(z, delta[at], torque[at], constants, effects, push, k)
+            if acting:
+                wrench[:] = wrenches[end]
+            rates_of(z, delta[at], torque[at], constants, effects, wrench, k)
             predict_measurement(z, k[SIZE], k[SIZE + 1], effects, predicted)
             out[s, h] = predicted
 

@@ -49,7 +49,7 @@ SIGNED_AT = 0.5  # of the end of the practical range
 UNSIGNED_AT = 0.5
 SPREAD_AT = (0.3, 0.8)  # of the practical range, in logarithms
 LIMITS_AT = (0.0, 0.5, 1.0)
-PUSH = 0.05  # of the car's weight: the forces that no effect stands for
+FORCE_SHARE = 0.05  # of the car's weight: the forces that no effect stands for
 FORCES = ("force_x", "force_y", "moment")
 CONSTANTS = len(Constants._fields)
 FAR = 16.0  # root of a row's squared innovations, in standard deviations; beyond twice the clipping of `monitor`
@@ -69,7 +69,7 @@ class Node:
     mean: float  # of the amplitude
     deviation: float
     signed: bool = False
-    push: tuple[float, float, float] = (0.0, 0.0, 0.0)  # force [N] and moment [N m] on the body
+    wrench: tuple[float, float, float] = (0.0, 0.0, 0.0)  # force [N] and moment [N m] on the body
 
     def magnitude_at(self, amplitude: float) -> float:
         """The magnitude that an amplitude stands for."""
@@ -101,10 +101,10 @@ def effect_nodes(name: str, vehicle: VehicleParameters) -> list[Node]:
 
 def make_nodes(names: Sequence[str], vehicle: VehicleParameters) -> list[Node]:
     """Nodes of the effects `names`, then those of the forces that stand for what is unknown."""
-    weight = PUSH * vehicle.mass * vehicle.gravity
-    pushes = [Node(name, 1.0, 0.0, 1.0, True, tuple(push)) for name, push in
+    weight = FORCE_SHARE * vehicle.mass * vehicle.gravity
+    wrenches = [Node(name, 1.0, 0.0, 1.0, True, tuple(wrench)) for name, wrench in
               zip(FORCES, np.diag([weight, weight, weight * wheelbase(vehicle)]).tolist(), strict=True)]  # fmt: skip
-    return [node for name in names for node in effect_nodes(name, vehicle)] + pushes
+    return [node for name in names for node in effect_nodes(name, vehicle)] + wrenches
 
 
 class Bank(NamedTuple):
@@ -115,7 +115,7 @@ class Bank(NamedTuple):
     effects: np.ndarray  # [m, COUNT]
     dynamic: np.ndarray  # [m, COUNT] without those of actuators
     delays: np.ndarray  # [m, 2] of steering and torque [rows]
-    pushes: np.ndarray  # [m, 3]
+    wrenches: np.ndarray  # [m, 3]
     noise: np.ndarray  # [9] variances of the channels
     process: np.ndarray  # [9] variances a second
 
@@ -145,7 +145,7 @@ def make_bank(
     return Bank(
         period, np.array(vehicle.constants(), dtype=float), np.array(cars, dtype=float),
         np.array([without_actuators(q) for q in cars], dtype=float), np.array(delays),
-        np.array([(0.0, 0.0, 0.0), *(node.push for node in nodes)]), noise, process,
+        np.array([(0.0, 0.0, 0.0), *(node.wrench for node in nodes)]), noise, process,
     )  # fmt: skip
 
 
@@ -155,9 +155,9 @@ def on_bank(bank: Bank, angle: float) -> Bank:
         return bank
     constants = Constants(*bank.constants)
     weights = constants.mass * constants.gravity * (1.0 + bank.effects[:, Effects._fields.index("mass_error")])
-    pushes = bank.pushes.copy()
-    pushes[:, 1] -= weights * np.sin(angle)
-    return bank._replace(pushes=pushes)
+    wrenches = bank.wrenches.copy()
+    wrenches[:, 1] -= weights * np.sin(angle)
+    return bank._replace(wrenches=wrenches)
 
 
 def make_state(bank: Bank) -> BankState:
@@ -240,8 +240,8 @@ def _row(y: Any, used: Any, command: Any, bank: Any, state: Any, innovations: An
     for j in range(len(state.z)):
         effects, z = Effects(*fixed_tuple(bank.dynamic[j], COUNT)), state.z[j]
         _actuated(bank, state, j, delta, torque)
-        advance_row(z, delta, torque, 0, bank.period / SUBSTEPS, constants, effects, bank.pushes[j], k, w)
-        rates_of(z, delta[-1], torque[-1], constants, effects, bank.pushes[j], k)
+        advance_row(z, delta, torque, 0, bank.period / SUBSTEPS, constants, effects, bank.wrenches[j], k, w)
+        rates_of(z, delta[-1], torque[-1], constants, effects, bank.wrenches[j], k)
         predict_measurement(z, k[SIZE], k[SIZE + 1], effects, predicted)
         if j == 0:
             _linearised(z, delta[-1], torque[-1], constants, effects, state.jacobian)

@@ -7,7 +7,7 @@ import pytest
 
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.gap.estimation.fit import fit
-from drift_drake.gap.estimation.freeform import force_units, misfit, pulses, pushed
+from drift_drake.gap.estimation.freeform import force_units, forced, misfit, pulses
 from drift_drake.gap.estimation.problem import counted, filter_case, filtered_states, make_problem, observe
 from experiments.benchmarks.compiled_cases import make_case
 from experiments.benchmarks.truths import Truth
@@ -33,9 +33,9 @@ def test_a_force_is_rolled_out_from_where_it_begins_as_from_the_first_row(stiffn
     theta = np.zeros(problem.nuisances)
     nominal, gains = SimpleNamespace(names=(), theta=theta), filter_case(problem, theta, ())
     shapes = pulses(len(problem.runs[0].y), problem.runs[0].period)[:, [0, 4]]
-    found = pushed(problem, gains, nominal, 0, filtered_states(problem, gains, theta, (), 0), shapes)
+    found = forced(problem, gains, nominal, 0, filtered_states(problem, gains, theta, (), 0), shapes)
     for column, shape in enumerate(shapes.T):
-        push = np.zeros((len(shape), 3))
-        push[:, 0] = force_units(problem)[0] * shape
-        change = observe(problem, gains, theta, (), 0, push=push) - gains.innovations[0]
+        wrench = np.zeros((len(shape), 3))
+        wrench[:, 0] = force_units(problem)[0] * shape
+        change = observe(problem, gains, theta, (), 0, push=wrench) - gains.innovations[0]
         np.testing.assert_array_equal(found[:, column], counted(problem, problem.runs[0], change).ravel())

@@ -25,7 +25,7 @@ def of_one_run(jacobian):
 
 
 def test_what_a_prior_alone_holds_is_not_widened():
-    """Innovations that hang together, and a parameter that they hardly show beside one that they do."""
+    """Innovations that hang together, and a parameter that they hardly show with one that they do."""
     e = lfilter([0.3], [1.0, -0.95], np.random.default_rng(1).standard_normal((ROWS, 2)), axis=0)
     jacobian = np.column_stack([np.ones(2 * ROWS), np.full(2 * ROWS, 1e-4)])
     jacobian[::2, 1] *= -1.0

@@ -294,7 +294,7 @@ def diagnose(
         progress: called with a stage's name and the share done; calibration: constants of the posterior;
         catalogue: names of the effects to consider; process_scale, noise_scale, stated, row_weight: see `make_problem`;
         own: effects that the vehicle file has already; what is found adds to them;
-        everyday: misfit that is no gap, with a row weight of its own (`freeform.applied`);
+        everyday: model discrepancy, with a tempering exponent of its own (`freeform.applied`);
         most_seconds: of logs that are looked at; of longer ones pieces spread evenly over them (`part_of`).
 
     Raises:

@@ -14,7 +14,7 @@ def test_discrepancies_take_turns_and_the_second_day_adds_one_effect():
         assert day.baseline.effects == {}
         assert len(day.changed.effects) == 1
         assert set(day.changed.effects) <= set(CATALOGUE)
-        assert (day.changed.strange, day.changed.deviations) == (day.baseline.strange, day.everyday.deviations)
+        assert (day.changed.strange, day.changed.deviations) == (day.baseline.strange, day.baseline.deviations)
 
 
 def answered(name, ambiguity, magnitudes):

@@ -1,7 +1,7 @@
 """Runs each command that a page of the documentation names, in a clean clone, and says which page is false.
 
     python -m experiments.page_commands                     # make commands
-    python -m experiments.page_commands --seconds 3600 --pages docs/structure.md
+    python -m experiments.page_commands --seconds 3600 --pages docs/concepts.md
 
 A command is true if it ends well, or still works after the time that it is given (it is then interrupted), and if what
 the page shows below it is what it prints. What asks for recordings that are not shipped, or for what another command
@@ -29,7 +29,9 @@ FENCE = re.compile(r"^ *```(\w*)\n(.*?)^ *```", re.DOTALL | re.MULTILINE)
 INDENTED = re.compile(r"^\n((?: {4}.*\n)+)", re.MULTILINE)
 INLINE = re.compile(r"`(python -m [^`]+)`", re.DOTALL)
 PLACEHOLDER = re.compile(r"(?<![\w./])[A-Z]{3,}(?![\w.])")
-MADE_BEFORE = re.compile(r"\bruns/\S+: no such file")  # by another command, which takes longer than it is given
+MADE_BEFORE = re.compile(
+    r"\bruns/\S+: (?:no such file|has no \S+; make it with)"
+)  # by another command, which takes longer than it is given
 UNFINISHED = re.compile(r"\.\.\.| \| ")  # of a command that is named, not given
 NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?(?:[eE][-+]?\d+)?")
 WAITED = 20  # [s] for a command that is interrupted

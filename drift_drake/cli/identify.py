@@ -95,6 +95,7 @@ def run_identify(command: Identify) -> None:
 def summary(found: "Identification", json: Path | None = None) -> str:
     """The calibration in sentences; `json` is where it goes."""
     from drift_drake.gap.identification.outlook import sentences as outlook_sentences
+    from drift_drake.gap.identification.unidentified import grouped
 
     c = found.calibration
     lines = [c.sentence()]
@@ -102,8 +103,7 @@ def summary(found: "Identification", json: Path | None = None) -> str:
         lines.append(f"  {name:<30}{row(p, name in c.disagreed)}")
     if c.left_out:
         lines.append(f"Not significant, and left out of the vehicle file: {', '.join(c.left_out)}.")
-    lines += [f"Not identified: {direction.sentence()}." for direction in c.not_identified]
-    lines += [f"Not identified: {name} (recordings disagree, {who} the most)." for name, who in c.disagreed.items()]
+    lines += [f"Not identified: {sentence}." for sentence in grouped(c.not_identified, c.disagreed)]
     lines += [f"Identified only together: {a} and {b} (correlation {q:+.3f})." for a, b, q in c.tied]
     where = json if json not in (None, STANDARD_OUTPUT) else "CAR.json"
     if c.driving is not None:

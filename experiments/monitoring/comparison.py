@@ -23,6 +23,7 @@ from drift_drake.car.effects.catalogue import CATALOGUE, LIMITS
 from drift_drake.car.effects.magnitudes import Effects, make_effects
 from drift_drake.car.log.table import Run
 from drift_drake.car.parameters import VehicleParameters
+from drift_drake.common.errors import DriftDrakeError
 from drift_drake.common.executors import ExecutorConfig, run_jobs
 from drift_drake.common.run_folder import is_done, write_json, write_versions
 from drift_drake.drive.learnt.checkpoint import load_model
@@ -199,6 +200,10 @@ class Make:
     executor: ExecutorConfig = dataclasses.field(default_factory=ExecutorConfig)
 
 
+class NoDrivesError(DriftDrakeError, ValueError):
+    """A folder has no drives of the seeds that are asked for."""
+
+
 @dataclasses.dataclass(frozen=True)
 class Judge:
     """Scores of drives that are made; thresholds of the peers from other seeds."""
@@ -240,10 +245,20 @@ def run_score(command: Judge) -> None:
 
 
 def read_results(folder: Path, plant: Plant, first: int, count: int) -> list[dict[str, Any]]:
-    """What `run_make` wrote of some seeds."""
+    """What `run_make` wrote of some seeds.
+
+    Raises:
+        NoDrivesError: there are none.
+    """
     paths = [folder / f"{plant}-{kind}-{seed:05d}.json" for seed in range(first, first + count)
              for kind in ("none", "changed")]  # fmt: skip
-    return [json.loads(path.read_text()) for path in paths if is_done(path)]
+    done = [json.loads(path.read_text()) for path in paths if is_done(path)]
+    if not done:
+        made = f"python -m experiments.monitoring.comparison make {folder} --first {first} --count {count}"
+        raise NoDrivesError(
+            f"{folder}: has no drives of the seeds {first} to {first + count - 1}; make them with '{made}'"
+        )
+    return done
 
 
 Command = Annotated[Make, tyro.conf.subcommand("make")] | Annotated[Judge, tyro.conf.subcommand("score")]

@@ -81,6 +81,7 @@ def test_what_a_commands_end_says_of_its_page() -> None:
     assert judged(command, None, "", "").verdict == "still working"
     assert judged(command, 2, "", "warning\nDATA: no such folder").verdict == "not checked"
     assert judged(command, 2, "", "runs/drives/held_out.npz: no such file; make it").verdict == "not checked"
+    assert judged(command, 2, "", "runs/saloon: has no start.yaml; make it with x").verdict == "not checked"
     assert judged(command, 2, "", "docs/held_out.npz: no such file").verdict == "false"
     assert judged(command, 2, "", "no first guess led to a plan") == (
         "false", "exit code 2: no first guess led to a plan",
@@ -105,5 +106,5 @@ def test_the_report_names_the_page() -> None:
 
 @pytest.mark.slow
 def test_a_page_is_checked_in_a_clean_clone(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    main(PageCommandsConfig(pages=("docs/structure.md",), out=tmp_path))
-    assert "| docs/structure.md | 2 | 0 | 0 | 0 |" in capsys.readouterr().out
+    main(PageCommandsConfig(pages=("docs/contributing.md",), out=tmp_path))
+    assert "| docs/contributing.md | 3 | 0 | 0 | 0 |" in capsys.readouterr().out

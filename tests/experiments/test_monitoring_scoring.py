@@ -1,10 +1,12 @@
 """Delay, false alarms and isolation, on verdicts made up by hand."""
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+from experiments.monitoring.comparison import NoDrivesError, read_results
 from experiments.monitoring.scoring import named_at, score, table, threshold
 
 T = np.round(np.arange(0.5, 12.05, 0.1), 1)
@@ -68,3 +70,8 @@ def test_a_peer_s_threshold_is_what_it_reaches_without_a_change() -> None:
     one = drive("mass_error", 0.9, 6.5) | {"chi_square": np.where(T <= ONSET, 3.0, 9.0)}
     assert threshold([one], "chi_square") == 3.0
     assert score([one], "chi_square", 3.0).detected == 1.0
+
+
+def test_a_folder_without_drives_is_one_sentence(tmp_path: Path) -> None:
+    with pytest.raises(NoDrivesError, match="has no drives of the seeds 5000 to 5001; make them with 'python -m"):
+        read_results(tmp_path, "nominal", 5000, 2)

@@ -38,8 +38,12 @@ class Direction:
         """The direction in words."""
         if len(self.parts) == 1:
             return f"{next(iter(self.parts))} ({100 * self.left:.0f} % of the prior's width is left)"
+        return f"{self.sides()} ({100 * self.left:.0f} % of the priors' width is left)"
+
+    def sides(self) -> str:
+        """Its parameters, those that rise together on one side."""
         sides = [" with ".join(name for name, q in self.parts.items() if q * sign > 0.0) for sign in (1.0, -1.0)]
-        return f"{' against '.join(filter(None, sides))} ({100 * self.left:.0f} % of the priors' width is left)"
+        return " against ".join(filter(None, sides))
 
 
 @dataclasses.dataclass(frozen=True)

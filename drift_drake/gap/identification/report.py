@@ -10,6 +10,7 @@ from drift_drake.car.effects.catalogue import CATALOGUE
 from drift_drake.car.log.table import UNITS
 from drift_drake.gap.identification.calibration import Identification, Parameter
 from drift_drake.gap.identification.held_out import HeldOut
+from drift_drake.gap.identification.unidentified import grouped
 from drift_drake.view.pages.charts import NORMAL, Line, Panel, finished, heat_map, side_by_side
 from drift_drake.view.pages.page import Source, page_html
 from drift_drake.view.style import CARS
@@ -66,7 +67,7 @@ def report_html(found: Identification, source: Source | None = None) -> str:
         c=c,
         source=source or Source(),
         sentence=c.sentence(),
-        not_identified=[direction.sentence() for direction in c.not_identified],
+        not_identified=grouped(c.not_identified, c.disagreed),
         rows=found.rows,
         unit_of=lambda name: CATALOGUE[name].unit,
         intervals=intervals(c.parameters),

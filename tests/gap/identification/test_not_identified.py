@@ -1,8 +1,9 @@
-"""Directions that logs cannot tell, on covariances made for the purpose."""
+"""Directions that logs cannot identify, on covariances made for the purpose."""
 
 import numpy as np
 
-from drift_drake.gap.identification.calibration import not_identified, tied
+from drift_drake.gap.identification.calibration import Direction, not_identified, tied
+from drift_drake.gap.identification.unidentified import grouped
 
 NAMES = ["mass", "torque", "friction"]
 
@@ -29,3 +30,18 @@ def test_a_combination_is_named_with_its_signs():
     ((a, b, q),) = tied(NAMES, covariance / np.outer(deviation, deviation))
     assert {a, b} == {"mass", "torque"}
     assert q > 0.99
+
+
+def test_many_that_are_not_identified_are_said_in_few_sentences():
+    single = [Direction({name: 1.0}, left) for name, left in (("roll_stiffness", 1.0), ("mass", 0.9), ("height", 0.62))]
+    combined = [Direction({name: 0.7, "friction": -0.7}, 0.8 - 0.01 * i) for i, name in enumerate("abcdef")]
+    disagreed = {"drag": "run_1", "friction": "run_2", "lag": "run_1"}
+    assert grouped([*single, *combined], disagreed) == [
+        "roll_stiffness, mass, height (62 to 100 % of each prior's width is left)",
+        "6 combinations (75 to 80 % of the priors' width is left), the worst: a against friction; b against friction; "
+        "c against friction",
+        "drag, lag (the recordings ask for different values, run_1 the most)",
+        "friction (the recordings ask for different values, run_2 the most)",
+    ]
+    assert grouped([single[1], combined[0]], {}) == [single[1].sentence(), combined[0].sentence()]
+    assert grouped([], {}) == []

@@ -78,7 +78,7 @@ docs-version: .venv/installed-all
 	$(BIN)/mike deploy --update-aliases $(VERSION) latest
 	$(BIN)/mike set-default latest
 
-PICTURES := car_frames diagnosis drive_time_series effects_map gap predictions layers two_criteria
+PICTURES := car_frames diagnosis drive_time_series effects_map gap predictions safe_stop layers loop two_criteria
 
 pictures: .venv/installed-all
 	$(BIN)/python -m diagrams.docs_picture

@@ -94,7 +94,7 @@ def sentences(checked: "Checked") -> list[str]:
     lines.append(f"columns missing: {', '.join(missing)}" if missing else "columns: all of the log format")
     lines += [f"! {remark}" for remark in checked.remarks] or ["bad samples: none"]
     if checked.unchecked:
-        lines.append(f"not checked, since no other column tells: {', '.join(checked.unchecked)}")
+        lines.append(f"not checked, since no other column can: {', '.join(checked.unchecked)}")
     if checked.regions:
         driven = sorted(checked.regions.items(), key=lambda item: -item[1])
         lines += ["driven:", *(f"  {seconds:5.1f} s  {name}" for name, seconds in driven)]
@@ -121,7 +121,8 @@ def could_show(detection: dict[str, dict[str, Any]]) -> list[str]:
         lines += ["could not be named, however large within their practical ranges:", *_wrapped(others)]
         lines += [f"  to see {', '.join(names)}: {words}" for words, names in shown_by(blind)]
     lines += [
-        f"not judged here: {name}, which acts the more the lower it is" for name in sorted(LIMITS - set(detection))
+        f"not judged here: {name}, an upper limit, which acts more the smaller it is"
+        for name in sorted(LIMITS - set(detection))
     ]
     return lines
 

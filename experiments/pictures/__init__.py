@@ -3,5 +3,14 @@
 from typing import Literal
 
 Name = Literal[
-    "car_frames", "diagnosis", "drive_time_series", "effects_map", "gap", "predictions", "layers", "two_criteria"
+    "car_frames",
+    "diagnosis",
+    "drive_time_series",
+    "effects_map",
+    "gap",
+    "layers",
+    "loop",
+    "predictions",
+    "safe_stop",
+    "two_criteria",
 ]

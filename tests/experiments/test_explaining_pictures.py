@@ -26,7 +26,7 @@ def test_all_of_them_are_drawn_by_make_and_kept() -> None:
     assert (ROOT / "docs" / "diagnosis.gif").is_file()
 
 
-@pytest.mark.parametrize("name", ["car_frames", "effects_map", "layers", "two_criteria"])
+@pytest.mark.parametrize("name", ["car_frames", "effects_map", "layers", "loop", "two_criteria"])
 def test_texts_of_a_drawing_fit_and_are_readable(name: str) -> None:
     figure = importlib.import_module(f"experiments.pictures.{name}").draw()
     FigureCanvasAgg(figure).draw()

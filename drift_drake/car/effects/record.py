@@ -125,7 +125,7 @@ class Effect:
     factor: bool = False  # something is multiplied by 1 + q, which stays above zero
     share: bool = False  # of the friction that it takes: below one
     possible: tuple[float, float] | None = None  # magnitudes that a vehicle can have; else several times the range
-    limit: bool = False  # of something: it acts the more the lower it is
+    limit: bool = False  # an upper limit: it acts more the smaller it is
     saturates: bool = False  # acts otherwise upwards than downwards
     asked: bool = False  # a sentence of a `none` states its detection limit
     at_the_limit: bool = False  # of grip alone it shows

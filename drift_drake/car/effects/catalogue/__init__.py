@@ -39,7 +39,7 @@ PARAMETRIC = frozenset(name for name, effect in CATALOGUE.items() if effect.tole
 HEADED = frozenset(name for name, effect in CATALOGUE.items() if effect.force and "psi" in effect.needs)
 """Effects by which the motion depends on the heading."""
 LIMITS = frozenset(name for name, effect in CATALOGUE.items() if effect.limit)
-"""Effects that act the more the lower they are."""
+"""Upper limits: effects that act more the smaller their magnitude is."""
 
 
 def shown_by(effects: Iterable[str]) -> list[tuple[str, list[str]]]:

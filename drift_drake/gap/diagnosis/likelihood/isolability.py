@@ -35,7 +35,7 @@ class Isolability:
         """By effect the least magnitude that would be named with 95 % probability, as an answer's `details.detection`.
 
         To first order in the magnitude: it must be far enough from zero, and from what the effect most like it can do.
-        A steering rate limit, which acts the more the lower it is, is left out.
+        A steering rate limit, which acts more the smaller it is, is left out.
         """
         out: dict[str, dict[str, object]] = {}
         alike = self.likeness - np.eye(len(self.names))

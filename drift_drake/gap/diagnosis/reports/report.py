@@ -65,7 +65,7 @@ def limit_rows(limits: Mapping[str, Mapping[str, object]], vehicle: VehicleParam
             rows.append(LimitRow(name, False, REACH, "", taken_for))
             continue
         low, high = info.range_for(vehicle)
-        # A rate limit acts the more the lower it is.
+        # A rate limit acts more the smaller it is.
         share = low / least if name in LIMITS else least / max(abs(low), abs(high))
         text = f"{'up to ' if name in LIMITS else '±' if info.signed else ''}{significant(least, 2)}{unit}"
         rows.append(LimitRow(name, True, share, text, taken_for))

@@ -1,7 +1,7 @@
 """Whether a log's columns agree with each other: the one cause that explains the rest first, what it explains left out.
 
 Dead columns, misnamed ones, units, signs and clocks, scales, biases and points of measurement are asked in that order;
-each doubt is taken out of the columns before the next question. What no other column tells is named too.
+each doubt is taken out of the columns before the next question. What no other column can check is named too.
 """
 
 import dataclasses
@@ -28,7 +28,7 @@ ASKED = ("r", "psi", "v", "beta", "omega_r", "ax", "ay", "delta_cmd")  # columns
 
 @dataclasses.dataclass(frozen=True)
 class Consistency:
-    """Doubts, the one that explains most first; unchecked: columns that no other column tells anything of.
+    """Doubts, the one that explains most first; unchecked: columns that no other column can check.
 
     right: the columns [rows] by run once the doubts' factors are taken out; windows: of these; steer: `delta_cmd` over
     what the wheelbase, or one of 1 m, asks for, 1 where it is not known.

@@ -12,7 +12,7 @@ import pandas as pd
 import tyro
 
 from diagrams.command import run_command
-from drift_drake.car.double_track.car_file import read_car
+from drift_drake.car.car_file import read_car
 from drift_drake.common.run_folder import make_run_folder, write_json, write_versions
 from drift_drake.common.safe_files import write_figure, write_table
 from drift_drake.view.pictures.graph import draw_graph

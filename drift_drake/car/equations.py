@@ -14,19 +14,24 @@ from numba.extending import overload
 from drift_drake.car.double_track import equations as double_track
 from drift_drake.car.double_track.parameters import DoubleTrackConstants
 from drift_drake.car.effects.magnitudes import Effects
+from drift_drake.car.foreign.simulator import SimulatorConstants
 from drift_drake.car.parameters import Constants
 from drift_drake.car.single_track import equations as single_track
 
-CarConstants = Constants | DoubleTrackConstants
+CarConstants = Constants | DoubleTrackConstants | SimulatorConstants
 
 EQUATIONS: dict[type, ModuleType] = {Constants: single_track, DoubleTrackConstants: double_track}
 """By the record of a car's numbers."""
 
 
-def kind_of(constants: CarConstants) -> ModuleType:
-    """The module of a car's equations; `LACKS`: effects that mean nothing on it; `STEPPED`: whether its internal states
-    follow a measured motion by the steps of a prediction."""
-    return EQUATIONS[type(constants)]
+def kind_of(constants: CarConstants) -> Any:
+    """The module of a car's equations, or a simulator of the user's, which has no equations here but the same names.
+
+    `LACKS`: effects that mean nothing on it; `DEVIATIONS`: what a vehicle file says nothing of; `FOLDED`: effects that
+    `changed_constants` puts into its numbers; `STEPPED`: whether its internal states follow a measured motion by the
+    steps of a prediction.
+    """
+    return constants.simulator if isinstance(constants, SimulatorConstants) else EQUATIONS[type(constants)]
 
 
 def folded_into(constants: CarConstants, effects: Effects) -> tuple[Any, Effects]:

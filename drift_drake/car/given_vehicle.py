@@ -4,9 +4,10 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import NamedTuple
 
-from drift_drake.car.double_track.car_file import read_car
+from drift_drake.car.car_file import read_car
 from drift_drake.car.double_track.parameters import DoubleTrackParameters
 from drift_drake.car.effects.magnitudes import Effects
+from drift_drake.car.foreign.simulator_car import SimulatorCar
 from drift_drake.car.parameters import CarParameters, InvalidVehicleError, VehicleParameters
 from drift_drake.car.vehicle_file import effects_of, stated_tolerances
 
@@ -14,7 +15,7 @@ GivenEffects = Effects | Mapping[str, float]
 Vehicle = str | Path | CarParameters | tuple[CarParameters, GivenEffects]
 
 
-CARS = (VehicleParameters, DoubleTrackParameters)
+CARS = (VehicleParameters, DoubleTrackParameters, SimulatorCar)
 
 
 class GivenVehicle(NamedTuple):
@@ -51,8 +52,9 @@ def single_track_of(car: CarParameters) -> VehicleParameters:
     """
     if not isinstance(car, VehicleParameters):
         raise InvalidVehicleError(
-            "the vehicle is a double-track car, of which this asks too much; calibrate it by prediction ('drift-drake "
-            "identify --car double-track --json CAR.json') and give --calibration CAR.json, or give a single-track one"
+            f"the vehicle is a {'simulator of yours' if isinstance(car, SimulatorCar) else 'double-track car'}, of "
+            "which this asks too much; calibrate it by prediction ('drift-drake identify --json CAR.json') and give "
+            "--calibration CAR.json, or give a single-track one"
         )
     return car
 

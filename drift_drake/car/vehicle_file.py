@@ -25,6 +25,11 @@ from drift_drake.common.errors import shown
 from drift_drake.common.safe_files import write_text
 
 DOUBLE_TRACK = "double_track"  # key of a file that holds such a car (`double_track.car_file`)
+SIMULATOR = "simulator"  # of one that holds a simulator of the user's (`foreign.simulator_car`)
+NO_VEHICLE_FILE = (
+    "holds a simulator of yours, which 'drift-drake simulator check', 'identify', 'check', 'diagnose', 'apply' and "
+    "'replay' take; give a vehicle file here"
+)
 SLOWEST = 0.6  # [1] of sqrt(g wheelbase)
 SIZES = {  # SI
     "mass": (0.05, 1e5),
@@ -154,6 +159,8 @@ def read_vehicle(path: str | Path) -> tuple[VehicleParameters, Effects]:
             f"{path}: holds a double-track car, which 'drift-drake identify', 'check', 'diagnose', 'apply', 'replay' "
             "and 'drive' take; give a single-track vehicle file here"
         )
+    if isinstance(data, dict) and SIMULATOR in data:
+        raise InvalidVehicleError(f"{path}: {NO_VEHICLE_FILE}")
     effects = effects_of(data.pop("effects", None) if isinstance(data, dict) else None, str(path))
     parameters = VehicleParameters.from_dict(data, str(path))
     check_plausible(parameters, str(path))
@@ -205,15 +212,17 @@ def _plain(parameters: CarParameters, effects: Effects) -> dict[str, Any]:
     return data | ({"effects": magnitudes} if magnitudes else {})
 
 
-def _numbers(data: dict[str, Any]) -> dict[str, Any]:
+def _numbers(data: Any) -> Any:
     """With all numbers as floats: 1500 and 1500.0 are the same."""
-    return {
-        key: _numbers(value) if isinstance(value, dict) else value if isinstance(value, str) else float(value)
-        for key, value in data.items()
-    }
+    if isinstance(data, dict):
+        return {key: _numbers(value) for key, value in data.items()}
+    return [_numbers(value) for value in data] if isinstance(data, list) else float(data) if is_number(data) else data
 
 
 def stated_tolerances(path: str | Path) -> frozenset[str]:
     """Names of the tolerances that a vehicle file states; the others have `Tolerance`'s defaults."""
     data: Any = vehicle_data(path)
-    return frozenset(str(name) for name in (data.get(DOUBLE_TRACK, data).get("tolerance") or {}))
+    part = data.get(DOUBLE_TRACK, data.get("car", data))
+    if isinstance(part, str):  # a simulator file may name the vehicle file of its car
+        return stated_tolerances(Path(path).parent / part)
+    return frozenset(str(name) for name in (part.get("tolerance") or {}))

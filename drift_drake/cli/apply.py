@@ -7,7 +7,7 @@ from typing import Annotated
 
 import tyro
 
-from drift_drake.car.double_track.car_file import read_car
+from drift_drake.car.car_file import read_car
 from drift_drake.car.effects.magnitudes import magnitudes_of
 from drift_drake.car.vehicle_file import check_effects, check_plausible, write_vehicle
 from drift_drake.common.safe_files import try_outputs

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import numpy as np
 import tyro
 
-from drift_drake.car.double_track.car_file import read_car
+from drift_drake.car.car_file import read_car
 from drift_drake.car.effects.catalogue import CATALOGUE, LIMITS, shown_by
 from drift_drake.car.log.table import run_paths
 from drift_drake.common.errors import InvalidOptionError, significant

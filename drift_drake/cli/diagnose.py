@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Any, TextIO
 
 import tyro
 
+from drift_drake.car.car_file import read_car
 from drift_drake.car.compilation import say_if_it_compiles
-from drift_drake.car.double_track.car_file import read_car
 from drift_drake.car.effects.catalogue import CATALOGUE
 from drift_drake.car.log.cases import case_folders, case_name
 from drift_drake.car.log.table import InvalidLogError, run_paths

@@ -7,7 +7,7 @@ from typing import Literal
 
 import tyro
 
-from drift_drake.car.double_track.car_file import read_car
+from drift_drake.car.car_file import read_plant
 from drift_drake.common.errors import InvalidOptionError, OutputError
 from drift_drake.common.interruption import ended_at_once
 from drift_drake.common.safe_files import alone_in, try_outputs
@@ -84,7 +84,7 @@ def run_drive(command: ClosedLoopDrive) -> None:
     if command.seed < 0:
         raise InvalidOptionError(f"--seed {command.seed}: give 0 or more")
     if command.vehicle is not None:
-        read_car(command.vehicle)
+        read_plant(command.vehicle)
     try_outputs({"--json": command.json}, [command.vehicle] if command.vehicle is not None else [])
     with contextlib.nullcontext() if command.out is None else alone_in(command.out):
         if command.out is not None and any(not path.name.startswith(".") for path in command.out.iterdir()):

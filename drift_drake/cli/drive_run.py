@@ -8,8 +8,8 @@ from typing import Any, Literal, TextIO
 import numpy as np
 import pandas as pd
 
+from drift_drake.car.car_file import read_plant
 from drift_drake.car.compilation import say_if_it_compiles
-from drift_drake.car.double_track.car_file import read_car
 from drift_drake.car.double_track.parameters import CARS, DoubleTrackParameters
 from drift_drake.car.double_track.plant import DoubleTrackPlant
 from drift_drake.car.effects.magnitudes import Effects
@@ -70,7 +70,7 @@ class ClosedLoopConfig(DriveOptions):
         return car.single_track() if isinstance(car, DoubleTrackParameters) else car
 
     def _of_file(self) -> tuple[KnownVehicle, Effects]:
-        return read_car(self.vehicle) if self.vehicle else (VehicleParameters(), Effects())
+        return read_plant(self.vehicle) if self.vehicle else (VehicleParameters(), Effects())
 
 
 def reference_of(config: ClosedLoopConfig) -> Reference:

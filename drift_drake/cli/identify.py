@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
+from drift_drake.car.car_file import read_car
 from drift_drake.car.compilation import say_if_it_compiles
-from drift_drake.car.double_track.car_file import read_car
+from drift_drake.car.foreign.simulator_car import SimulatorCar
 from drift_drake.car.log.table import case_paths
 from drift_drake.car.vehicle_file import write_vehicle
 from drift_drake.common.errors import significant, unit_suffix
@@ -60,14 +61,15 @@ class Identify:
 
 
 def run_identify(command: Identify) -> None:
-    read_car(command.vehicle)
+    first, _ = read_car(command.vehicle)
     outputs = {"--out": command.out, "--json": command.json, "--report": command.report}
     logs = [path for folder in command.logs for path in case_paths(folder)]
     try_outputs(outputs, [command.vehicle, *logs])
     with ended_at_once():
         from drift_drake.gap.estimation.filter import filter_run
         from drift_drake.gap.identification.from_logs import identify
-    say_if_it_compiles(filter_run, "the filter")
+    if not isinstance(first, SimulatorCar):
+        say_if_it_compiles(filter_run, "the filter")
     with progress_bar(command.quiet) as show:
         found = identify(
             command.logs, command.vehicle, known=command.known, effects=command.effects, criterion=command.criterion,

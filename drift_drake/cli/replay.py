@@ -6,7 +6,7 @@ from typing import Annotated
 
 import tyro
 
-from drift_drake.car.double_track.car_file import read_car
+from drift_drake.car.car_file import read_car
 from drift_drake.car.log.table import InvalidLogError
 from drift_drake.common.interruption import ended_at_once
 from drift_drake.common.plain_files import check_file

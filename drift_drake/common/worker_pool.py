@@ -8,6 +8,7 @@ import concurrent.futures
 import multiprocessing
 import os
 import pickle
+import sys
 import threading
 import time
 import traceback
@@ -17,6 +18,7 @@ from contextlib import contextmanager, suppress
 from multiprocessing import resource_tracker
 from multiprocessing.connection import Connection, wait
 from multiprocessing.context import SpawnContext, SpawnProcess
+from types import ModuleType
 from typing import Any, NamedTuple
 
 from drift_drake.common.errors import DriftDrakeError, one_line
@@ -51,6 +53,18 @@ class _Process(SpawnProcess):
             super().start()
 
 
+class _ProcessWithoutMain(_Process):
+    """The same for jobs that need nothing of the user's script: it is not run again in the process, guarded or not."""
+
+    def start(self) -> None:
+        main = sys.modules["__main__"]
+        sys.modules["__main__"] = ModuleType("__main__")
+        try:
+            super().start()
+        finally:
+            sys.modules["__main__"] = main
+
+
 def track_resources() -> None:
     """Starts Python's process that removes a killed command's semaphores, which then need no warning.
 
@@ -70,6 +84,10 @@ class _Spawning(SpawnContext):
     Process = _Process  # type: ignore[assignment]
 
 
+class _SpawningWithoutMain(SpawnContext):
+    Process = _ProcessWithoutMain  # type: ignore[assignment]
+
+
 def end_with_parent() -> None:
     """What a worker begins with: it ends when the process that started it does."""
     parent = multiprocessing.parent_process()
@@ -83,7 +101,7 @@ def end_with_parent() -> None:
 
 
 @contextmanager
-def worker_processes(workers: int, tasks_per_worker: int = 0) -> Iterator[Submit]:
+def worker_processes(workers: int, tasks_per_worker: int = 0, with_main: bool = True) -> Iterator[Submit]:
     """Submits a function and its one argument to fresh processes of this machine.
 
     A process that ends takes its own job with it and no other: the job's future raises `WorkerEndedError`. All end at
@@ -91,10 +109,11 @@ def worker_processes(workers: int, tasks_per_worker: int = 0) -> Iterator[Submit
     Drake's, BLAS's and other threads in whatever state they are.
 
     Args:
-        tasks_per_worker: a process is replaced by a fresh one after so many jobs; 0 for never.
+        tasks_per_worker: a process is replaced by a fresh one after so many jobs; 0 for never;
+        with_main: whether jobs need what the script that runs defines.
     """
     track_resources()
-    pool = _Pool(workers, tasks_per_worker)
+    pool = _Pool(workers, tasks_per_worker, _Spawning() if with_main else _SpawningWithoutMain())
     try:
         yield pool.submit
         pool.end()
@@ -112,13 +131,13 @@ class _Task(NamedTuple):
 class _Worker:
     """One process, and this end of its pipe. It says once that it is there; from then on a job brings an answer."""
 
-    def __init__(self) -> None:
+    def __init__(self, context: SpawnContext) -> None:
         self.connection, theirs = multiprocessing.Pipe()
         self.ready = False
         self.task: _Task | None = None
         self.done = 0
         with theirs:  # once closed here, the pipe ends with the process
-            self.process = _Spawning().Process(target=_work, args=(theirs,))
+            self.process = context.Process(target=_work, args=(theirs,))
             try:
                 self.process.start()
             except BaseException:
@@ -138,8 +157,8 @@ class _Worker:
 class _Pool:
     """Hands tasks to workers, from a thread of its own."""
 
-    def __init__(self, count: int, tasks_per_worker: int) -> None:
-        self._count, self._tasks_per_worker = count, tasks_per_worker
+    def __init__(self, count: int, tasks_per_worker: int, context: SpawnContext) -> None:
+        self._count, self._tasks_per_worker, self._context = count, tasks_per_worker, context
         self._waiting: deque[_Task] = deque()
         self._workers: list[_Worker] = []
         self._leaving: list[_Worker] = []  # that have done their share of jobs
@@ -195,7 +214,7 @@ class _Pool:
                 return
             else:
                 try:
-                    self._workers.append(_Worker())
+                    self._workers.append(_Worker(self._context))
                 except OSError:  # no process, or no memory, is left just now
                     self._fail_start()
 

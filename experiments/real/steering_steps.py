@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from drift_drake.car.actuated import STAGES, delayed, first_order_lag
 from drift_drake.car.log.table import Run
-from drift_drake.gap.estimation.filter_state import STAGES, delayed, first_order_lag
 
 LAGS = np.linspace(0.01, 0.4, 40)  # [s]
 SMALL = 0.1  # [rad] of steering up to which tyres slip little

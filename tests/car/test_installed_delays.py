@@ -35,7 +35,7 @@ from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial
 from drift_drake.gap.next_drive.plan import stand_ins
-from drift_drake.gap.estimation.filter_state import actuated, without_actuators
+from drift_drake.car.actuated import actuated, without_actuators
 from drift_drake.gap.estimation.problem import START_MATTERS
 from drift_drake.gap.monitoring.bank import make_bank
 from drift_drake.drive.loop.car import Car

@@ -5,8 +5,8 @@ import json
 import numpy as np
 import pytest
 
+from drift_drake.car.actuated import STAGES, first_order_lag
 from drift_drake.car.log.table import Run, read_case, write_run
-from drift_drake.gap.estimation.filter_state import STAGES, first_order_lag
 from experiments.other_worlds.changes import CHANGES
 from experiments.other_worlds.hand_changes import magnitudes_of, studies_of, write_changed
 from experiments.other_worlds.hand_scores import hand_text, write_scores

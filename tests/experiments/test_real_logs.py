@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from drift_drake.car.actuated import STAGES, first_order_lag
 from drift_drake.car.log.table import Run
-from drift_drake.gap.estimation.filter_state import STAGES, first_order_lag
 from drift_drake.gap.identification.identify import identify
 from drift_drake.gap.logs.importing.importer import import_recordings
 from drift_drake.gap.logs.importing.mapping import read_mapping

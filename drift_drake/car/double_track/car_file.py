@@ -10,25 +10,13 @@ from drift_drake.car.effects.magnitudes import Effects
 from drift_drake.car.parameters import (
     InvalidVehicleError,
     Tolerance,
-    VehicleParameters,
     as_number,
     check_keys,
     vehicle_data,
 )
-from drift_drake.car.vehicle_file import DOUBLE_TRACK, check_effects, check_plausible, effects_of, read_vehicle
+from drift_drake.car.vehicle_file import DOUBLE_TRACK, check_effects, check_plausible, effects_of
 
 TIRES = ("front_tire", "rear_tire")
-
-
-def holds_double_track(path: str | Path) -> bool:
-    """Whether a vehicle file is one of a double-track car."""
-    data = vehicle_data(path)
-    return isinstance(data, dict) and DOUBLE_TRACK in data
-
-
-def read_car(path: str | Path) -> tuple[VehicleParameters | DoubleTrackParameters, Effects]:
-    """The car of a vehicle file, of one track or two, and its effects; raises InvalidVehicleError."""
-    return read_double_track(path) if holds_double_track(path) else read_vehicle(path)
 
 
 def read_double_track(path: str | Path) -> tuple[DoubleTrackParameters, Effects]:

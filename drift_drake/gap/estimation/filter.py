@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from drift_drake.car.actuated import STAGES
 from drift_drake.car.compilation import compiled
 from drift_drake.car.effects.magnitudes import depends_on_heading, reading_gains
 from drift_drake.car.scalar import jitable
@@ -19,7 +20,6 @@ from drift_drake.gap.estimation.filter_state import (
     MEASURED,
     MIN_FILTER_SPEED,
     SIZE,
-    STAGES,
     SUBSTEPS,
     UNRELAXED,
     advance_row,

@@ -11,22 +11,14 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from drift_drake.car.actuated import STAGES, actuated, without_actuators
 from drift_drake.car.effects.catalogue import CATALOGUE
 from drift_drake.car.effects.magnitudes import Effects, combined
 from drift_drake.car.log.table import Run
 from drift_drake.car.parameters import RELATIVE, Constants, VehicleParameters
 from drift_drake.car.road import NO_PUSH, on_road, with_bank
 from drift_drake.gap.estimation.filter import filter_run, observe_run
-from drift_drake.gap.estimation.filter_state import (
-    CHANNELS,
-    CORRECTED,
-    FILTER_STATES,
-    MEASURED,
-    SIZE,
-    STAGES,
-    actuated,
-    without_actuators,
-)
+from drift_drake.gap.estimation.filter_state import CHANNELS, CORRECTED, FILTER_STATES, MEASURED, SIZE
 from drift_drake.gap.estimation.prior import bounds, scale
 from drift_drake.gap.estimation.run_data import RunData, first_sideslip, noise_levels, prepare_run
 

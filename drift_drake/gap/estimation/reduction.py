@@ -6,18 +6,10 @@ from typing import Any
 
 import numpy as np
 
+from drift_drake.car.actuated import STAGES, without_actuators
 from drift_drake.car.compilation import compiled
 from drift_drake.car.road import on_road
-from drift_drake.gap.estimation.filter_state import (
-    MEASURED,
-    SIZE,
-    STAGES,
-    SUBSTEPS,
-    advance_row,
-    predict_measurement,
-    rates_of,
-    without_actuators,
-)
+from drift_drake.gap.estimation.filter_state import MEASURED, SIZE, SUBSTEPS, advance_row, predict_measurement, rates_of
 from drift_drake.gap.estimation.fit import Fit, minimise, sensitivity
 from drift_drake.gap.estimation.freeform import with_more_process_noise
 from drift_drake.gap.estimation.problem import Gains, Problem, car, filter_case, filtered_states, run_commands

@@ -63,6 +63,8 @@ class _Criterion:
     predicted: Predicted
     unknowns: Sequence[Unknown]
     evidence: float
+    near: float = 0.0  # units of the unknowns, within which derivatives are used again
+    known: list[tuple[np.ndarray, np.ndarray]] = dataclasses.field(default_factory=list)  # the last: where, and they
 
     @cached_property
     def prior(self) -> np.ndarray:
@@ -86,7 +88,13 @@ class _Criterion:
         return _At(theta, e, cost, weights)
 
     def derivatives(self, at: _At, pool: ThreadPoolExecutor) -> np.ndarray:
-        """Of the errors [windows, HORIZONS, channels, n]."""
+        """Of the errors [windows, HORIZONS, channels, n], or those of a car that is near enough."""
+        away = [np.abs(at.theta - where) / [u.unit for u in self.unknowns] for where, _ in self.known]
+        if not away or np.max(away[0]) > self.near:
+            self.known[:] = [(at.theta, self._derivatives(at, pool))]
+        return self.known[0][1]
+
+    def _derivatives(self, at: _At, pool: ThreadPoolExecutor) -> np.ndarray:
         steps = DIFFERENCE * np.array([u.unit for u in self.unknowns])
         signs = np.where(at.theta + steps <= self.bounds[1], 1.0, -1.0)
         moved = [at.theta + np.where(np.arange(len(steps)) == i, signs * steps, 0.0) for i in range(len(steps))]
@@ -111,6 +119,10 @@ class _Criterion:
                 trial = self.at(moved, scales, width)
                 better = trial if trial.cost < at.cost else None
                 damping *= 1.0 if better else 10.0
+            if better is None and np.any(at.theta != self.known[0][0]):
+                self.known.clear()  # derivatives of a car near by led nowhere: once more with its own
+                damping = 1e-3
+                continue
             if better is None:
                 break
             gained, at = at.cost - better.cost, better
@@ -121,16 +133,17 @@ class _Criterion:
 
 def robust_fit(
     predicted: Predicted, unknowns: Sequence[Unknown], evidence: float, theta: np.ndarray | None = None,
-    widths: Sequence[float] = WIDTHS,
+    widths: Sequence[float] = WIDTHS, near: float = 0.0,
 ) -> RobustFit:  # fmt: skip
     """Fits unknowns to all windows.
 
     Args:
         predicted: errors [windows, HORIZONS, channels] of a car with these magnitudes of the unknowns, by name;
         evidence: power, in (0, 1], that the criterion is raised to; theta: to start from, in place of the unknowns';
-        widths: of the loss, the last of them where `theta` is near already.
+        widths: of the loss, the last of them where `theta` is near already;
+        near: units of the unknowns, within which derivatives are used again, where a prediction is costly.
     """
-    criterion = _Criterion(predicted, unknowns, evidence)
+    criterion = _Criterion(predicted, unknowns, evidence, near)
     theta = np.array([u.start for u in unknowns]) if theta is None else theta.copy()
     information = np.eye(len(theta))
     scales = robust_scales(criterion.errors(theta))

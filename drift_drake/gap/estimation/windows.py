@@ -14,24 +14,20 @@ from typing import Any
 
 import numpy as np
 
+from drift_drake.car.actuated import STAGES, actuated, without_actuators
 from drift_drake.car.compilation import compiled
 from drift_drake.car.effects.catalogue import wheelbase
 from drift_drake.car.effects.magnitudes import Effects, unbiased
 from drift_drake.car.equations import CarConstants, decays, fastest, kind_of, rates, settle, size_of
+from drift_drake.car.foreign.simulator import SimulatorConstants
 from drift_drake.car.integrate import runge_kutta
 from drift_drake.car.log.table import Run
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.car.road import NO_PUSH, on_road, with_bank
 from drift_drake.car.scalar import jitable
-from drift_drake.gap.estimation.filter_state import (
-    CHANNELS,
-    MIN_FILTER_SPEED,
-    STAGES,
-    actuated,
-    commanded,
-    without_actuators,
-)
+from drift_drake.gap.estimation.filter_state import CHANNELS, MIN_FILTER_SPEED, commanded
 from drift_drake.gap.estimation.run_data import RunData, prepare_run
+from drift_drake.gap.estimation.simulated_windows import simulated_errors
 
 PREDICTED = ("r", "v", "beta", "omega_r", "psi")  # channels that are compared; psi by what it changes
 STATES = 4  # of these: r, v, beta, omega_r
@@ -231,6 +227,8 @@ def run_errors(
     Args:
         push: further force (F_x, F_y) [N] and yaw moment [N m] on the body [rows, 3]; none with zero rows.
     """
+    if isinstance(constants, SimulatorConstants):
+        return simulated_errors([run], constants, effects, horizons, [push])[0]
     before = (float(run.delta[0]), float(run.tau[0]))
     delta, torque = actuated(run.delta, run.tau, before, run.period, effects)
     out = np.empty((len(run.starts), horizons, len(PREDICTED)))
@@ -246,6 +244,8 @@ def errors(
     runs: Sequence[WindowedRun], constants: CarConstants, effects: Effects, horizons: int = HORIZONS
 ) -> np.ndarray:
     """Prediction errors [windows of all runs, horizons, 5] under a car, at the first horizons."""
+    if isinstance(constants, SimulatorConstants):
+        return np.concatenate(simulated_errors(runs, constants, effects, horizons, [NO_PUSH] * len(runs)))
     return np.concatenate([run_errors(run, constants, effects, horizons) for run in runs])
 
 

@@ -12,7 +12,7 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 
 from drift_drake.car.effects.catalogue import CATALOGUE, LIMITS
-from drift_drake.car.equations import CarConstants
+from drift_drake.car.equations import CarConstants, kind_of
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.gap.estimation.baseline import Scatter, scatter_of
 from drift_drake.gap.estimation.normal import Normal
@@ -27,6 +27,7 @@ SEEDS, PARTNERS, PAIR_STEPS = 3, 4, 4  # singles that pairs are grown from, part
 TINY = 1e-3  # of a unit, for differences
 BUILD = 0.5  # `daily` below which an effect is of the car's build
 FOLLOWING = ("mass_error", "cg_shift")  # effects that move axle loads
+LOADED = frozenset(("front_stiffness_error", "rear_stiffness_error"))  # what a real tyre does then
 SHARES = (0.0, 0.5, 1.0)  # of stiffness in proportion to the load that are tried
 EXTENSIONS = 2  # of the reach of a leading hypothesis
 
@@ -91,7 +92,7 @@ def with_load(name: str, magnitude: float, share: float, constants: CarConstants
     Args:
         constants: of the calibrated car, `cg_shift`'s axle distances.
     """
-    if name not in FOLLOWING:
+    if name not in FOLLOWING or not LOADED.isdisjoint(kind_of(constants).LACKS):
         return {name: magnitude}
     distances = -float(constants.rear_axle_distance), float(constants.front_axle_distance)
     front, rear = (1.0, 1.0) if name == "mass_error" else distances

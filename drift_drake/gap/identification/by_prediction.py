@@ -12,6 +12,7 @@ from drift_drake.car.equations import CarConstants, kind_of
 from drift_drake.car.parameters import CarParameters, VehicleParameters
 from drift_drake.common.standard_output import Progress
 from drift_drake.gap.estimation.baseline import left_of
+from drift_drake.gap.estimation.effort import affordable, is_slow, remarks
 from drift_drake.gap.estimation.learn_normal import Learnt, learn_normal
 from drift_drake.gap.estimation.normal import Normal
 from drift_drake.gap.estimation.prior import TWO_SIDED
@@ -31,6 +32,7 @@ from drift_drake.gap.identification.outlook import Outlook, outlook
 
 EVIDENCE = 0.02  # power of the criterion: overlapping windows, misfit that goes on for seconds
 MOST_WINDOWS, MOST_JUDGED = 450, 4000  # that a fit takes in, and that it is judged by, evenly chosen
+NEAR = 0.2  # units of the unknowns, within which a slow simulator's derivatives are used again
 MOST_LEARNT = 6000  # the same of the baseline: twenty minutes of a full-size car's logs
 FOLDS, HELD_OUT = 4, 1.5  # one block [s] of so many is held out
 LEAST_WINDOWS = 10  # on either side
@@ -69,6 +71,7 @@ class PredictionFit:
     without: tuple[CarConstants, Effects]  # the car that was fitted to the others
     left_out: tuple[str, ...]  # effects that were asked for and are none of this car's
     outlook: Outlook  # detection limits, and what more recordings would bring
+    remarks: list[str]  # on a simulator of the user's
 
 
 def is_held(run: WindowedRun, rows: np.ndarray) -> np.ndarray:
@@ -76,16 +79,18 @@ def is_held(run: WindowedRun, rows: np.ndarray) -> np.ndarray:
     return np.asarray((rows * run.period / HELD_OUT).astype(int) % FOLDS == 1)
 
 
-def split(runs: Sequence[WindowedRun]) -> tuple[list[WindowedRun], list[WindowedRun]]:
+def split(
+    runs: Sequence[WindowedRun], most: int = MOST_WINDOWS, most_judged: int = MOST_JUDGED
+) -> tuple[list[WindowedRun], list[WindowedRun]]:
     """Windows to fit, outside the held-out blocks, and windows to judge by: every row that starts in a block."""
     fitted, judged = [], []
-    for some, run in zip(thinned(runs, MOST_WINDOWS), runs, strict=True):
+    for some, run in zip(thinned(runs, most), runs, strict=True):
         starts, end = is_held(some, some.starts), is_held(some, some.starts + HORIZONS * some.stride_rows)
         fitted.append(dataclasses.replace(some, starts=some.starts[~starts & ~end]))
         judged.append(dataclasses.replace(run, starts=run.starts[is_held(run, run.starts)]))
     if min(sum(len(run.starts) for run in part) for part in (fitted, judged)) < LEAST_WINDOWS:
-        fitted, judged = thinned(runs, MOST_WINDOWS), list(runs)  # too short to hold anything out
-    return fitted, thinned([dataclasses.replace(run, starts=row_by_row(run)) for run in judged], MOST_JUDGED)
+        fitted, judged = thinned(runs, most), list(runs)  # too short to hold anything out
+    return fitted, thinned([dataclasses.replace(run, starts=row_by_row(run)) for run in judged], most_judged)
 
 
 def row_by_row(run: WindowedRun) -> np.ndarray:
@@ -114,14 +119,15 @@ def fit_by_prediction(
     constants, vehicle = first.constants(), first.single_track()
     base = [*(unknown(name, vehicle, stated) for name in own), *deviations_of(constants)]
     more = [unknown(name, vehicle, stated) for name in candidates]
-    fitted, judged = split(runs)
+    most = affordable(constants, runs, MOST_WINDOWS)
+    fitted, judged = split(runs, most, MOST_JUDGED * most // MOST_WINDOWS)
 
     def fitted_to(
         some: Sequence[WindowedRun], unknowns: Sequence[Unknown], start: np.ndarray | None = None
     ) -> RobustFit:
         widths = WIDTHS if start is None else WIDTHS[1:]
         predicted = partial(predicted_with, some, constants, effects)
-        return robust_fit(predicted, unknowns, EVIDENCE, start, widths)
+        return robust_fit(predicted, unknowns, EVIDENCE, start, widths, NEAR if is_slow(constants) else 0.0)
 
     def furthest(fit: RobustFit) -> float:
         return forecast_error(predicted_with(judged, constants, effects, magnitudes(fit.names, fit.theta)))
@@ -136,17 +142,24 @@ def fit_by_prediction(
     found = with_found(constants, effects, magnitudes(best.names, best.theta))
     held_out = held_out_windows(judged, (constants, effects), found)
     progress("all windows", 0.5)
-    fit = fitted_to(thinned(runs, MOST_WINDOWS), chosen, best.theta)
+    fit = fitted_to(thinned(runs, most), chosen, best.theta)
     kept = [u for u, q in zip(chosen, fit.theta, strict=True) if u in base or abs(q) > KEEPS * u.unit]
     if len(kept) < len(chosen):
         at = [fit.names.index(u.name) for u in kept]
-        fit = fitted_to(thinned(runs, MOST_WINDOWS), kept, fit.theta[at])
+        fit = fitted_to(thinned(runs, most), kept, fit.theta[at])
     progress("baseline residuals", 0.85)
     now, among = with_found(constants, effects, magnitudes(fit.names, fit.theta))
     car, rest = folded(first.with_constants(now), among)
     steps = units(seen, vehicle)
     prior = np.array([prior_of(name, vehicle, stated) for name in seen]) / steps
-    day = make_day(thinned(runs, MOST_LEARNT), car.constants(), rest, seen, steps, kind_units=sizes_of(constants, fit))
+    day = make_day(
+        thinned(runs, MOST_LEARNT * most // MOST_WINDOWS),
+        car.constants(),
+        rest,
+        seen,
+        steps,
+        kind_units=sizes_of(constants, fit),
+    )
     left = left_of(prior, np.isin(seen, fit.names))
     learnt = learn_normal(day, tuple(seen), steps, prior, between_recordings(seen, vehicle) / steps, left)
     learnt, asked = with_left_out(learnt, car.single_track())
@@ -155,6 +168,7 @@ def fit_by_prediction(
         of_effects, of_kind(constants, fit, kept), fit, car, rest, learnt.normal,
         left_open(day, learnt, [u.name for u in of_effects], asked, less_known(fit, kept)), held_out, judged, found,
         tuple(name for name in candidates if name not in fit.names), outlook(day, learnt.normal, left, vehicle),
+        remarks(constants, most, MOST_WINDOWS),
     )  # fmt: skip
 
 

@@ -16,6 +16,7 @@ from drift_drake.car.double_track.nearest import nearest_double_track
 from drift_drake.car.effects.catalogue import CATALOGUE, fitted
 from drift_drake.car.effects.magnitudes import Effects
 from drift_drake.car.equations import kind_of
+from drift_drake.car.foreign.simulator_car import SimulatorCar
 from drift_drake.car.log.table import InvalidLogError, Run, read_case, stated_noise
 from drift_drake.car.parameters import CarParameters, InvalidVehicleError, VehicleParameters
 from drift_drake.common.standard_output import Progress
@@ -107,10 +108,13 @@ def calibrated(runs: Sequence[Run], asked: Asked, tell: Progress) -> Identificat
     lacks_beta = any(run.beta is None for run in runs)
     criterion, warnings = asked.criterion, list[str]()
     double = asked.kind == "double-track" or not isinstance(asked.first, VehicleParameters)
+    simulated = isinstance(asked.first, SimulatorCar)
+    if simulated and asked.kind == "double-track":
+        raise InvalidLogError(f"{asked.case}: the car is a simulator of yours; leave out --car")
     if double and criterion == "likelihood":
         raise InvalidLogError(
-            f"{asked.case}: a double-track car is calibrated by prediction; choose --criterion prediction, or "
-            "--car single-track"
+            f"{asked.case}: a {'simulator of yours' if simulated else 'double-track car'} is calibrated by prediction; "
+            f"choose --criterion prediction{'' if simulated else ', or --car single-track'}"
         )
     criterion = "prediction" if double else criterion
     if criterion == "prediction" and lacks_beta:

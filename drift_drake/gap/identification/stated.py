@@ -43,7 +43,8 @@ def stated_in_full(found: PredictionFit, why: list[str], asked: Asked, rows: int
         case=asked.case, parameters=parameters, correlation=correlation.tolist(),
         not_identified=directions(parameters, correlation), tied=tied(list(parameters), correlation),
         left_out=list(found.left_out), held_out=found.held_out, trust=Trust(1.0, 1.0), row_weight=1.0, everyday=None,
-        seconds=0.0, warnings=[*why, *worse_states(found.held_out), *beyond_stated(parameters, asked), *left.sentences],
+        seconds=0.0, warnings=[*why, *found.remarks, *worse_states(found.held_out), *beyond_stated(parameters, asked),
+                               *left.sentences],
         criterion="prediction", normal=found.normal, disagreed=left.disagreed, outlook=found.outlook,
     )  # fmt: skip
     tolerance = dataclasses.replace(found.vehicle.tolerance, **changes)

@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from drift_drake.car.actuated import STAGES, first_order_lag, limited_steering, without_actuators
 from drift_drake.car.compilation import compiled
 from drift_drake.car.effects.catalogue import CATALOGUE, LIMITS, wheelbase
 from drift_drake.car.effects.delays import check_causal, command_delays, sensor_delay
@@ -31,17 +32,13 @@ from drift_drake.gap.estimation.filter_state import (
     CORRECTED,
     MEASURED,
     SIZE,
-    STAGES,
     SUBSTEPS,
     advance_row,
-    first_order_lag,
     first_state,
-    limited_steering,
     linearise,
     predict_measurement,
     rates_of,
     transition,
-    without_actuators,
 )
 from drift_drake.gap.estimation.unknowns import added
 

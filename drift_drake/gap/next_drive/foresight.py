@@ -6,6 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.special import ndtri  # the normal's quantiles; scipy.stats takes half a second to import
 
+from drift_drake.car.actuated import without_actuators
 from drift_drake.car.effects.catalogue import CATALOGUE
 from drift_drake.car.effects.magnitudes import measured
 from drift_drake.car.parameters import VehicleParameters
@@ -14,7 +15,7 @@ from drift_drake.car.single_track.motion_with_effects import settled_internal_st
 from drift_drake.common.errors import one_line
 from drift_drake.gap.diagnosis.answers.answer import Answer, InvalidAnswerError, UnplannableError
 from drift_drake.gap.diagnosis.likelihood.beliefs import Belief, Sensing, beliefs_from_data
-from drift_drake.gap.estimation.filter_state import CHANNELS, MEASURED, SIZE, without_actuators
+from drift_drake.gap.estimation.filter_state import CHANNELS, MEASURED, SIZE
 from drift_drake.gap.estimation.fit import parameter_limits, sensitivity
 from drift_drake.gap.estimation.problem import (
     NUISANCES,

@@ -14,6 +14,7 @@ from pydrake.trajectories import PiecewisePolynomial
 
 from drift_drake.car.effects.delays import as_commanded, on_time, sensor_delay
 from drift_drake.car.effects.magnitudes import Effects
+from drift_drake.car.foreign.simulator_car import SimulatorCar
 from drift_drake.car.log.driving import SPUN, driven, slowest, spans
 from drift_drake.car.log.measured_motion import MeasuredMotion, measured_motion
 from drift_drake.car.log.table import InvalidLogError, Run
@@ -26,6 +27,7 @@ from drift_drake.common.arrays import Array
 from drift_drake.common.selector import select_signals
 from drift_drake.drive.loop.car import Car
 from drift_drake.drive.loop.runner import add_logger, make_simulator
+from drift_drake.view.playback.rolled_out import rolled_out
 
 ACCURACY = 1e-5
 LOST_SIDESLIP, LOST_SPEED = 1.4, 0.3  # [rad] beyond, in slowest speeds below which a simulated car is lost
@@ -107,8 +109,12 @@ class SideBySide:
             self._wanted = self._source(builder, "speed", run.v)
         self.cars: dict[str, Car] = {}
         self._loggers: dict[str, Any] = {}
+        self._simulated = {name: model for name, model in cars.items() if isinstance(model.parameters, SimulatorCar)}
         for name, model in cars.items():
-            self._add(builder, name, model)
+            if name not in self._simulated:
+                self._add(builder, name, model)
+        if not self.cars:  # a diagram has at least one system
+            self._source(builder, "steering", run.delta_cmd)
         self.diagram = builder.Build()
         self.diagram.set_name("side_by_side")
 
@@ -185,9 +191,10 @@ class SideBySide:
         context = simulator.get_mutable_context()
         window = np.full(len(self._t), -1)
         valid = {name: np.zeros(len(self._t), dtype=np.bool_) for name in self.cars}
-        lost: dict[str, list[float]] = {name: [] for name in self.cars}
+        lost: dict[str, list[float]] = {name: [] for name in self.models}
         previous = -1
-        for number, (first, last) in enumerate(windows(self.driven, round(restart / self._log.period))):
+        stretches = windows(self.driven, round(restart / self._log.period))
+        for number, (first, last) in enumerate(stretches):
             resumed = first == previous  # that row is the last prediction of the window before
             previous = last
             if not resumed:
@@ -198,14 +205,22 @@ class SideBySide:
                 simulator.Initialize()
             ends = self._advance(simulator, last)
             window[first + resumed : last + 1] = number
-            for name, model in self.models.items():
+            for name in self.cars:
                 # What a late sensor shows first is from before the start.
-                late = 0 if resumed else round(sensor_delay(model.effects) / self._log.period)
+                late = 0 if resumed else round(sensor_delay(self.models[name].effects) / self._log.period)
                 valid[name][first + resumed + late : ends.get(name, last + 1)] = True
                 if name in ends:
                     lost[name].append(float(self._t[ends[name]]))
-        cars = {name: self._table(context, name, valid[name], window) for name in self.cars}
+        cars = {name: self._rolled_out(name, stretches, window) if name in self._simulated
+                else self._table(context, name, valid[name], window) for name in self.models}  # fmt: skip
         return Played(self._real(window), cars, lost, tuple(self.remarks))
+
+    def _rolled_out(
+        self, name: str, stretches: Sequence[tuple[int, int]], window: NDArray[np.int_]
+    ) -> pd.DataFrame:  # fmt: skip
+        model = self.models[name]
+        assert isinstance(model.parameters, SimulatorCar)
+        return rolled_out(self._log, self.motion, model.parameters, model.effects, stretches, window)
 
     def _place(self, context: Context, name: str, row: int, settled: bool) -> None:
         """Puts a car into the state measured at a row; `settled`: its lags and the like too."""

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-from drift_drake.car.double_track.car_file import holds_double_track, read_double_track
+from drift_drake.car.double_track.car_file import read_double_track
 from drift_drake.car.double_track.parameters import CARS
 from drift_drake.car.effects.magnitudes import Effects
 from drift_drake.car.parameters import InvalidVehicleError, VehicleParameters
@@ -19,7 +19,6 @@ def test_it_is_read_back_to_the_bit(tmp_path: Path, name: str) -> None:
     car = CARS[name].replace(differential_preload=60.0, differential_share=0.3)
     path = tmp_path / "car.yaml"
     write_vehicle(path, car, EFFECTS)
-    assert holds_double_track(path)
     assert read_double_track(path) == (car, EFFECTS)
     write_vehicle(path, car)
     assert read_double_track(path) == (car, Effects())
@@ -31,7 +30,6 @@ def test_a_file_of_the_other_kind_is_said_so(tmp_path: Path) -> None:
     with pytest.raises(InvalidVehicleError, match=r"car\.yaml: holds a double-track car, .* give a single-track"):
         read_vehicle(path)
     write_vehicle(path, VehicleParameters())
-    assert not holds_double_track(path)
     with pytest.raises(InvalidVehicleError, match=r"no double-track car; write its parameters under 'double_track:'"):
         read_double_track(path)
 

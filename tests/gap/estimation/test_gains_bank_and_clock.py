@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from drift_drake.car.actuated import STAGES, actuated
 from drift_drake.car.effects.magnitudes import Effects, make_effects
 from drift_drake.car.log.table import Run, read_run, write_run
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.car.single_track.motion import motion
-from drift_drake.gap.estimation.filter_state import STAGES, actuated
 from drift_drake.gap.estimation.problem import PROCESS_NOISE, filter_case, flat, make_problem, observe_case
 from drift_drake.gap.estimation.reduction import predicted_ahead
 from drift_drake.gap.estimation.usable import seen_effects

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
+from drift_drake.common.units import DIMENSIONS, OTHER, is_stated, meanings, unit_of
 from drift_drake.gap.logs.wording.conversion import QUANTITIES, dimensions_of, factor
-from drift_drake.gap.logs.wording.spelling import DIMENSIONS, OTHER, is_stated, meanings, unit_of
 
 SPELLINGS = {
     "km/h": "km/h KM/H Km/h kmh KMH kmph kph KPH km/hr km.h-1 km·h⁻¹ [km/h] (km/h) km\\h kilometers_per_hour",

@@ -12,6 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from drift_drake.gap.diagnosis.calibrated.posterior import tells_from_zero
+from drift_drake.gap.estimation.effort import is_slow
 from drift_drake.gap.estimation.normal import LOST, WORST, Normal
 from drift_drake.gap.estimation.reduction import FOLDS, NOTHING_REMOVED, STATES, Reduction, reduction_of
 from drift_drake.gap.estimation.scores import Day, make_day
@@ -47,6 +48,8 @@ class At:
 def changed_car(search: Search, h: Hypothesis, q: np.ndarray | None = None) -> Search:
     """The search from the car with a hypothesis in it; q: magnitudes of its causes, if not its own."""
     effects, day, normal = h.effects(search.day, q), search.day, search.normal
+    if is_slow(day.constants):  # a simulator of the user's: derivatives are those of the calibrated car
+        return search.on(dataclasses.replace(day, errors=day.errors_with(effects), own=added(day.own, effects)))
     of_kind = day.jacobian[..., day.jacobian.shape[-1] - len(normal.of_kind) :]
     return search.on(make_day(day.runs, day.constants, added(day.own, effects), normal.names, normal.units, normal,
                               search.threads, of_kind))  # fmt: skip

@@ -29,6 +29,7 @@ from drift_drake.gap.diagnosis.calibrated.posterior import (
     tells_from_zero,
 )
 from drift_drake.gap.estimation.admitted import admit
+from drift_drake.gap.estimation.effort import affordable, remarks
 from drift_drake.gap.estimation.noise_levels import changed
 from drift_drake.gap.estimation.normal import Normal
 from drift_drake.gap.estimation.prior import Interval
@@ -108,6 +109,7 @@ def diagnose_change(
     left = left_over_of(search, found, shrinks, none)
     warnings += [left_over_sentence(left)] if left else []
     warnings += noise.sentences()
+    warnings += remarks(search.day.constants, len(search.day.errors), MOST_WINDOWS)
     causes = {name: interval(h, i) for i, name in enumerate(h.names)}
     answer = Answer(
         case=case, verdict=found.verdict, causes=list(h.names) if named else [], posterior=found.probabilities,
@@ -230,7 +232,8 @@ def search_of(
         raise InvalidLogError(
             f"{case}: {covered:.1f} s of driving can be used, {LEAST_TIME:g} s are the least; log longer drives"
         )
-    day = make_day(thinned(windows, MOST_WINDOWS), vehicle.constants(), own, normal.names, normal.units, normal,
+    most = affordable(vehicle.constants(), windows, MOST_WINDOWS)
+    day = make_day(thinned(windows, most), vehicle.constants(), own, normal.names, normal.units, normal,
                    workers)  # fmt: skip
     return Search(day, normal, vehicle.single_track(), names, workers)
 

@@ -10,10 +10,10 @@ from pandas.api.types import is_numeric_dtype
 
 from drift_drake.car.log.numbers import as_numbers, without_endless
 from drift_drake.common.arrays import Array
+from drift_drake.common.units import PACKED, unit_of
 from drift_drake.gap.logs.importing.formats.times import clock_seconds, packed_seconds, packed_unit
 from drift_drake.gap.logs.importing.formats.topics import Topic
 from drift_drake.gap.logs.importing.names import bracketed, concepts, fit, stated_unit
-from drift_drake.gap.logs.wording.spelling import PACKED, unit_of
 
 STEPS = {"s": (8e-4, 2.0), "ms": (0.05, 2e3), "us": (50.0, 2e6), "ns": (5e4, 2e9),
          "min": (1.4e-5, 8e-4), "h": (2.3e-7, 1.4e-5), "day": (9e-10, 2.3e-7)}  # fmt: skip

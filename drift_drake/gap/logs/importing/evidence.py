@@ -9,8 +9,8 @@ import numpy as np
 from scipy.ndimage import uniform_filter1d
 
 from drift_drake.common.arrays import Array
+from drift_drake.common.units import DIMENSIONS
 from drift_drake.gap.logs.wording.conversion import QUANTITIES, dimension, factor
-from drift_drake.gap.logs.wording.spelling import DIMENSIONS
 
 LIKE = 0.85  # correlation from which two signals are believed to be of one motion
 EXACT = math.log(1.08)  # of a ratio to one, within which units fit

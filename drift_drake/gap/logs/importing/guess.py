@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from pandas.api.types import is_numeric_dtype
 
+from drift_drake.common.units import DIMENSIONS, unit_of
 from drift_drake.gap.logs.importing.clocks import (
     by_clock,
     clock_of,
@@ -35,7 +36,6 @@ from drift_drake.gap.logs.importing.evidence import (
 from drift_drake.gap.logs.importing.formats.topics import Topic
 from drift_drake.gap.logs.importing.names import DRIVEN, LIMIT, fit, is_handwheel, is_in_g, stated_unit
 from drift_drake.gap.logs.wording.conversion import QUANTITIES, dimension, dimensions_of, units_of
-from drift_drake.gap.logs.wording.spelling import DIMENSIONS, unit_of
 
 LOOKED_FOR = ("latitude", "longitude", "course", "x", "y", "r", "psi", "vx", "vy", "v", "beta", "omega_r", "ax", "ay",
               "delta_cmd", "tau_cmd")  # fmt: skip

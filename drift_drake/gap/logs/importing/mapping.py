@@ -9,6 +9,7 @@ from typing import Any
 from drift_drake.car.log.table import COLUMNS
 from drift_drake.common.errors import DriftDrakeError, shown
 from drift_drake.common.plain_files import LARGEST_YAML, parse_yaml, read_text
+from drift_drake.common.units import DIMENSIONS, PACKED, unit_of
 from drift_drake.gap.logs.importing.formula import InvalidFormulaError, names_in
 from drift_drake.gap.logs.importing.known import (
     derived_quantities,
@@ -18,7 +19,6 @@ from drift_drake.gap.logs.importing.known import (
     wrong_position,
 )
 from drift_drake.gap.logs.wording.conversion import FRAMES, QUANTITIES, dimensions_of, units_of
-from drift_drake.gap.logs.wording.spelling import DIMENSIONS, PACKED, unit_of
 
 DERIVABLE = ("r", "v", "beta", "ax", "ay")
 BETWEEN = ("linear", "hold")

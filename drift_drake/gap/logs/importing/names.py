@@ -7,8 +7,8 @@ A quantity's name has the words of one of its ways and no other word that speaks
 import re
 from typing import NamedTuple
 
+from drift_drake.common.units import DIMENSIONS, OTHER, Unit, is_stated, meanings, unit_of
 from drift_drake.gap.logs.wording.conversion import dimensions_of
-from drift_drake.gap.logs.wording.spelling import DIMENSIONS, OTHER, Unit, is_stated, meanings, unit_of
 from drift_drake.gap.logs.wording.vocabulary import WORDS
 from drift_drake.gap.logs.wording.words import LONGEST, pieces, pieces_of_compound
 

@@ -14,6 +14,7 @@ from drift_drake.car.log.numbers import MEASURABLE, as_numbers
 from drift_drake.car.log.plausible import ABSURD, LARGEST
 from drift_drake.common.apart import read_guarded
 from drift_drake.common.arrays import Array
+from drift_drake.common.units import PACKED, unit_of
 from drift_drake.gap.logs.importing.formats.files import InvalidRecordingError, read_topics
 from drift_drake.gap.logs.importing.formats.times import clock_seconds, packed_unit
 from drift_drake.gap.logs.importing.formats.topics import Topic
@@ -22,7 +23,6 @@ from drift_drake.gap.logs.importing.mapping import Clock, RecorderMapping, Signa
 from drift_drake.gap.logs.importing.names import stated_unit
 from drift_drake.gap.logs.importing.position import projected
 from drift_drake.gap.logs.wording.conversion import dimension, dimensions_of, factor, to_iso8855
-from drift_drake.gap.logs.wording.spelling import PACKED, unit_of
 
 Rows = NDArray[np.int64]
 

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from drift_drake.common.arrays import Array
-from drift_drake.gap.logs.wording.spelling import DIMENSIONS, OTHER, unit_of
+from drift_drake.common.units import DIMENSIONS, OTHER, unit_of
 
 QUANTITIES = {  # that the importer knows by name; other names are inputs of the mapping's own formulas
     "x": "length",

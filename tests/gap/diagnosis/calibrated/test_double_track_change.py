@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from drift_drake.car.double_track.car_file import read_car
+from drift_drake.car.car_file import read_car
 from drift_drake.car.double_track.parameters import CARS, DoubleTrackParameters
 from drift_drake.car.log.table import InvalidLogError
 from drift_drake.car.parameters import InvalidVehicleError, VehicleParameters

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from pandas.api.types import is_datetime64_any_dtype, is_numeric_dtype, is_timedelta64_dtype
 
 from drift_drake.common.arrays import Array
+from drift_drake.common.units import PACKED
 from drift_drake.gap.logs.wording.conversion import factor
-from drift_drake.gap.logs.wording.spelling import PACKED
 
 DAY, HOUR = 86400.0, 3600.0  # [s]
 LATE_DAY = 0.9 * DAY  # [s] by which a clock of the time of day goes back at midnight

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from drift_drake.car.actuated import STAGES, actuated, delayed, first_order_lag, without_actuators
 from drift_drake.car.effects.magnitudes import Effects
-from drift_drake.gap.estimation.filter_state import STAGES, actuated, delayed, first_order_lag, without_actuators
 
 PERIOD = 0.01
 STEP = PERIOD / STAGES

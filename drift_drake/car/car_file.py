@@ -1,0 +1,46 @@
+"""A car of any kind in a file: single-track, double-track, or a simulator of the user's."""
+
+from pathlib import Path
+
+from drift_drake.car.double_track.car_file import read_double_track
+from drift_drake.car.double_track.parameters import DoubleTrackParameters
+from drift_drake.car.effects.magnitudes import Effects
+from drift_drake.car.foreign.simulator_car import SimulatorCar, read_simulator
+from drift_drake.car.parameters import CarParameters, InvalidVehicleError, VehicleParameters, vehicle_data
+from drift_drake.car.vehicle_file import (
+    DOUBLE_TRACK,
+    NO_VEHICLE_FILE,
+    SIMULATOR,
+    check_effects,
+    check_plausible,
+    effects_of,
+    read_vehicle,
+)
+
+
+def read_car(path: str | Path) -> tuple[CarParameters, Effects]:
+    """The car of a file and its effects.
+
+    Raises:
+        InvalidVehicleError: names the file, the key and the remedy.
+    """
+    data = vehicle_data(path)
+    if isinstance(data, dict) and SIMULATOR in data:
+        car = read_simulator(data, path)
+        effects = effects_of(data.get("effects"), str(path))
+        check_plausible(car.single_track(), str(path))
+        check_effects(effects, car.single_track(), str(path))
+        for name, why in car.simulator.lacking.items():
+            if getattr(effects, name) != 0.0:
+                raise InvalidVehicleError(f"{path}: effects.{name}: the simulator cannot have it ({why}); leave it out")
+        return car, effects
+    return read_double_track(path) if isinstance(data, dict) and DOUBLE_TRACK in data else read_vehicle(path)
+
+
+def read_plant(path: str | Path) -> tuple[VehicleParameters | DoubleTrackParameters, Effects]:
+    """The car of a file where it has to be a Drake plant of this package; raises InvalidVehicleError."""
+    car, effects = read_car(path)
+    if isinstance(car, SimulatorCar):
+        raise InvalidVehicleError(f"{path}: {NO_VEHICLE_FILE}")
+    assert isinstance(car, VehicleParameters | DoubleTrackParameters)
+    return car, effects

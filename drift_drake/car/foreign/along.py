@@ -1,0 +1,49 @@
+"""Inputs of a simulator along measured motion: commands, with what actuators make of them, and forces on the body."""
+
+import numpy as np
+
+from drift_drake.car.actuated import STAGES, actuated, without_actuators
+from drift_drake.car.effects.magnitudes import NO_INTERNAL_STATES, Effects, actuation_of, with_forces
+from drift_drake.car.foreign.simulator import FORCES, STEERING, TORQUE, SimulatorConstants
+from drift_drake.car.road import NO_PUSH, on_road, with_bank
+from drift_drake.common.arrays import Array
+
+
+def inputs_along(
+    commands: tuple[Array, Array], motion: Array, period: float, constants: SimulatorConstants, effects: Effects,
+    steps: int, bank: Array | None = None, push: Array = NO_PUSH,
+) -> dict[str, Array]:  # fmt: skip
+    """Inputs by quantity [(rows - 1) * steps + 1], SI, along a whole run.
+
+    Args:
+        commands: road-wheel angle [rad] and engine torque [N m], each [rows]; motion: r, v, beta, omega_r, psi
+            [rows, 5], SI, sensors' errors taken out; period: between rows [s]; effects: those that are no parameters of
+            the simulator; steps: of the simulator in a row; bank: of the road [rows, rad]; push: further force
+            (F_x, F_y) [N] and yaw moment [N m] on the body [rows, 3], none with zero rows.
+    """
+    rows = len(motion)
+    before = (float(commands[0][0]), float(commands[1][0]))
+    delta, torque = actuated(*commands, before, period, effects)
+    fine = np.arange((rows - 1) * steps + 1) / steps
+    delta, torque = (between(grid, STAGES * fine) for grid in (delta, torque))
+    along = between(motion, fine)
+    rest, banked = on_road(bank, constants.mass, constants.gravity, without_actuators(effects))
+    lost = rest.drivetrain_friction * np.tanh(along[:, 3]) / constants.about.gear_ratio
+    delta, torque = actuation_of(
+        delta + rest.steering_offset, torque * constants.torque_gain - lost, along[:, 1], rest, NO_INTERNAL_STATES
+    )
+    si = {STEERING: delta, TORQUE: torque, "measured_speed": along[:, 1], "measured_yaw_rate": along[:, 0]}
+    wrench = with_forces(*(along[:, i] for i in range(5)), constants.about, rest, NO_INTERNAL_STATES, (0.0, 0.0, 0.0))
+    further = with_bank(push, banked)
+    for i, name in enumerate(FORCES):
+        si[name] = np.broadcast_to(np.asarray(wrench[i], dtype=float), fine.shape)
+        if len(further):
+            si[name] = si[name] + further[np.minimum(fine.astype(int), rows - 1), i]
+    return si
+
+
+def between(values: Array, places: Array) -> Array:
+    """Linear between rows; places [...] count them."""
+    low = np.minimum(places.astype(int), len(values) - 2)
+    share = (places - low)[(...,) + (None,) * (values.ndim - 1)]
+    return np.asarray(values[low] + share * (values[low + 1] - values[low]))

@@ -1,0 +1,52 @@
+"""Motion in SI to what a simulator is asked in its own numbers, and its answer back."""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from drift_drake.car.foreign.rollouts import Job
+from drift_drake.car.foreign.simulator import Simulator, SimulatorConstants
+from drift_drake.common.arrays import Array
+
+CHANNELS = ("r", "v", "beta", "omega_r", "psi")
+
+
+def job_of(
+    constants: SimulatorConstants, dt: float, start: Array, inputs: Mapping[str, Array], held: Array | None = None
+) -> Job:
+    """Roll-outs from measured motion.
+
+    Args:
+        dt: between rows [s]; start: r, v, beta, omega_r, psi [n, 5], SI; inputs: by quantity [n, rows], SI, those that
+            the simulator does not have unused; held: motion [n, lead + 1, 5] that the lead-in follows.
+    """
+    s = constants.simulator
+    return Job(
+        s.key, s.kind, s.target, s.folder, s.set_state, s.batch, s.limit, dt, start_values(s, start),
+        {} if held is None else start_values(s, held),
+        {signal.name: signal.own(np.asarray(inputs[key])) for key, signal in s.inputs.items() if key in inputs},
+        tuple(dict.fromkeys(signal.name for signal in s.outputs.values())), constants.by_name(),
+    )  # fmt: skip
+
+
+def start_values(simulator: Simulator, motion: Array) -> dict[str, Array]:
+    """Start values by their names, of motion [..., 5]."""
+    r, v, beta, omega_r, psi = (motion[..., i] for i in range(5))
+    si = {"r": r, "v": v, "beta": beta, "omega_r": omega_r, "psi": psi}
+    si |= {"v_x": v * np.cos(beta), "v_y": v * np.sin(beta)}
+    return {signal.name: signal.own(si[key]) for key, signal in simulator.start.items()}
+
+
+def motion_of(simulator: Simulator, got: Mapping[str, Array], dt: float) -> Array:
+    """Outputs in SI as r, v, beta, omega_r, psi [n, rows, 5]; NaN where the simulator does not say.
+
+    The heading is the integral of the yaw rate where it is no output.
+    """
+    si = {key: signal.si(got[signal.name]) for key, signal in simulator.outputs.items()}
+    if "v_x" in si and "v_y" in si:
+        si.setdefault("v", np.hypot(si["v_x"], si["v_y"]))
+        si.setdefault("beta", np.arctan2(si["v_y"], si["v_x"]))
+    r = si["r"]
+    turned = np.cumsum(0.5 * dt * (r[:, 1:] + r[:, :-1]), axis=1)
+    psi = np.unwrap(si["psi"], axis=1) if "psi" in si else np.concatenate([np.zeros((len(r), 1)), turned], axis=1)
+    return np.stack([np.broadcast_to(si.get(name, np.nan), r.shape) for name in CHANNELS[:4]] + [psi], axis=-1)

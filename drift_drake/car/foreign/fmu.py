@@ -1,0 +1,70 @@
+"""An FMU 2.0 or 3.0 (co-simulation or model exchange) as a simulator, by fmpy."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from drift_drake.car.foreign.rollouts import SimulatorError
+from drift_drake.common.arrays import Array
+from drift_drake.common.errors import one_line
+
+
+class Fmu:
+    """One instance, reset for each roll-out. Names are those of its model description."""
+
+    def __init__(self, path: str, parameters: dict[str, float]) -> None:
+        try:
+            import fmpy
+            from fmpy.simulation import instantiate_fmu
+        except ImportError:
+            raise SimulatorError(f'{path}: fmpy is missing; install it with pip install "drift_drake[fmu]"') from None
+        self._fmpy, self._parameters = fmpy, parameters
+        if not Path(path).is_file():
+            raise SimulatorError(f"{path}: there is no such FMU; correct fmu:")
+        try:
+            self._description = fmpy.read_model_description(path)
+            platforms = fmpy.supported_platforms(path)
+        except Exception as error:  # of many classes: zip, XML, schema
+            raise SimulatorError(f"{path}: is no FMU 2.0 or 3.0 that can be read ({one_line(error)})") from None
+        if fmpy.platform not in platforms and fmpy.platform_tuple not in platforms:
+            raise SimulatorError(
+                f"{path}: is built for {', '.join(platforms) or 'no platform'}, not for {fmpy.platform}; export it for "
+                "this platform"
+            )
+        self._kind = "CoSimulation" if self._description.coSimulation is not None else "ModelExchange"
+        self._names = {variable.name for variable in self._description.modelVariables}
+        self._check(parameters, "parameter")
+        self._folder = fmpy.extract(path)
+        self._instance = instantiate_fmu(self._folder, self._description, fmi_type=self._kind)
+
+    def roll(self, start: Mapping[str, Any], held: Mapping[str, Array], inputs: Mapping[str, Array], dt: float,  # noqa: ARG002
+             outputs: tuple[str, ...]) -> Mapping[str, Any]:  # fmt: skip
+        for names, what in ((start, "start value"), (inputs, "input"), (outputs, "output")):
+            self._check(names, what)
+        rows = len(next(iter(inputs.values())))
+        table = np.zeros(rows, dtype=[("time", float), *((name, float) for name in inputs)])
+        # A co-simulation holds an input over a step: it is that of the step's middle.
+        table["time"] = dt * (np.arange(rows) - (0.5 if self._kind == "CoSimulation" else 0.0))
+        for name, values in inputs.items():
+            table[name] = values
+        given = {name: float(value) for name, value in start.items()} | self._parameters
+        try:
+            found = self._fmpy.simulate_fmu(
+                self._folder, validate=False, start_time=0.0, stop_time=dt * (rows - 1), output_interval=dt,
+                step_size=dt, start_values=given, input=table, output=list(outputs), fmi_type=self._kind,
+                model_description=self._description, fmu_instance=self._instance, set_stop_time=False,
+            )  # fmt: skip
+        finally:
+            self._instance.reset()
+        out = {}
+        for name in outputs:
+            values = np.asarray(found[name], dtype=float)
+            out[name] = values[:rows] if len(values) >= rows else np.append(values, np.full(rows - len(values), np.nan))
+        return out
+
+    def _check(self, names: Any, what: str) -> None:
+        for name in names:
+            if name not in self._names:
+                raise SimulatorError(f"the FMU has no variable {name}, which is named as {what}; it is misspelt there")

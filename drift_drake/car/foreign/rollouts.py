@@ -1,0 +1,195 @@
+"""Roll-outs of a simulator: what is asked of it, and how each kind answers. Runs in a worker process (`pool`)."""
+
+import contextlib
+import importlib
+import io
+import signal
+import sys
+import time
+from collections.abc import Callable, Iterator, Mapping
+from functools import lru_cache
+from typing import Any, NamedTuple, Protocol
+
+import numpy as np
+
+from drift_drake.car.foreign.simulator import Kind
+from drift_drake.common.arrays import Array
+from drift_drake.common.errors import DriftDrakeError, one_line
+
+STARTED = 60.0  # [s] that a simulator's loading and first roll-out may take
+HANGS = 2  # roll-outs of one job that may take too long, before the others of it are given up
+
+
+class SimulatorError(DriftDrakeError, RuntimeError):
+    """A simulator of the user's that cannot be run; the message names it and the remedy."""
+
+
+class Job(NamedTuple):
+    """Roll-outs of one simulator with one set of parameters; all numbers in the simulator's own units."""
+
+    key: str  # of the simulator
+    kind: Kind
+    target: str
+    folder: str
+    set_state: str
+    batch: bool
+    limit: float  # [s] of one roll-out
+    dt: float  # [s]
+    start: Mapping[str, Array]  # [n] by name of the start value
+    held: Mapping[str, Array]  # [n, lead + 1] the same while the car is led in; empty without
+    inputs: Mapping[str, Array]  # [n, steps + 1] by name
+    outputs: tuple[str, ...]
+    parameters: Mapping[str, float]
+
+
+class Rolled(NamedTuple):
+    """What came of a job: outputs by name [n, steps + 1] (NaN where a roll-out failed), and why some failed."""
+
+    outputs: dict[str, Array]
+    failures: tuple[str, ...]
+    seconds: float  # that the roll-outs took, but for loading
+
+
+class Runner(Protocol):
+    """A simulator that is loaded, with its parameters set."""
+
+    def roll(self, start: Mapping[str, Any], held: Mapping[str, Array], inputs: Mapping[str, Array], dt: float,
+             outputs: tuple[str, ...]) -> Mapping[str, Any]:  # fmt: skip
+        """Outputs [steps + 1] by name from a start, under inputs [steps + 1]; `held`: start values [lead + 1]."""
+
+
+def roll(job: Job) -> Rolled:
+    """Answers a job in this process.
+
+    Raises:
+        SimulatorError: the simulator cannot be loaded with these parameters.
+    """
+    count, rows = next(iter(job.inputs.values())).shape
+    out = {name: np.full((count, rows), np.nan) for name in job.outputs}
+    failures: list[str] = []
+    with contextlib.redirect_stdout(io.StringIO()), np.errstate(all="ignore"):
+        try:
+            runner = loaded(job.kind, job.target, job.folder, job.set_state, tuple(job.parameters.items()))
+        except SimulatorError:
+            raise
+        except Exception as error:
+            raise SimulatorError(f"{job.target}: cannot be loaded ({_said(error)})") from None
+        _warm_up(runner, job)
+        began = time.perf_counter()
+        slices: list[Any] = [slice(None)] if job.batch else list(range(count))
+        for at in slices:
+            if len([one for one in failures if "longer than" in one]) >= HANGS:
+                failures += ["given up, since others took too long"] * (count - at)
+                break
+            try:
+                with at_most(job.limit * (count if job.batch else 1)):
+                    got = _rolled(runner, job, at)
+                for name in job.outputs:
+                    out[name][at] = output(got, name, out[name][at].shape)
+            except Exception as error:  # of any class that a user's code raises
+                failures.append(_said(error))
+        seconds = time.perf_counter() - began
+    return Rolled(out, tuple(failures), seconds)
+
+
+def _rolled(runner: Runner, job: Job, at: Any) -> Mapping[str, Any]:
+    """Some roll-outs of a job."""
+    start, held, inputs = ({name: values[at] for name, values in part.items()}
+                           for part in (job.start, job.held, job.inputs))  # fmt: skip
+    return runner.roll(start, held, inputs, job.dt, job.outputs)
+
+
+def _warm_up(runner: Runner, job: Job) -> None:
+    """A first roll-out in this process, in which the simulator may compile what it needs."""
+    if job.key not in _WARM:
+        _WARM.add(job.key)
+        with contextlib.suppress(Exception), at_most(STARTED):  # what fails here fails again below, and is said there
+            _rolled(runner, job, slice(0, 1) if job.batch else 0)
+
+
+def output(got: Any, name: str, shape: tuple[int, ...]) -> Array:
+    """One output as an array of a shape; raises SimulatorError where it is none."""
+    if not isinstance(got, Mapping):
+        raise SimulatorError(f"returned {type(got).__name__}, not a dict of its outputs by name")
+    if name not in got:
+        raise SimulatorError(f"output {name} is not among what it returned ({', '.join(map(str, got))[:200]})")
+    values = np.asarray(got[name], dtype=float)
+    if values.shape != shape:
+        raise SimulatorError(
+            f"output {name} has the shape {values.shape}, expected {shape}: one number a row of inputs"
+        )
+    return values
+
+
+_WARM: set[str] = set()
+
+
+@lru_cache(maxsize=2)
+def loaded(kind: Kind, target: str, folder: str, set_state: str, parameters: tuple[tuple[str, float], ...]) -> Runner:
+    """The simulator with its parameters set; the last ones are kept."""
+    values = dict(parameters)
+    if kind == "fmu":
+        from drift_drake.car.foreign.fmu import Fmu
+
+        return Fmu(target, values)
+    if kind == "drake":
+        from drift_drake.car.foreign.drake_system import DrakeSystem
+
+        return DrakeSystem(function_of(target, folder), function_of(set_state, folder) if set_state else None, values)
+    return _Python(function_of(target, folder), values)
+
+
+class _Python:
+    """A function `(start, inputs, dt, parameters) -> outputs`."""
+
+    def __init__(self, function: Callable[..., Any], parameters: dict[str, float]) -> None:
+        self._function, self._parameters = function, parameters
+
+    def roll(self, start: Mapping[str, Any], held: Mapping[str, Array], inputs: Mapping[str, Array], dt: float,  # noqa: ARG002
+             outputs: tuple[str, ...]) -> Mapping[str, Any]:  # noqa: ARG002  # fmt: skip
+        return self._function(dict(start), dict(inputs), dt, dict(self._parameters))  # type: ignore[no-any-return]
+
+
+@lru_cache(maxsize=8)
+def function_of(target: str, folder: str) -> Callable[..., Any]:
+    """The function `module:name`, its module found in a folder too.
+
+    Raises:
+        SimulatorError: there is none; names what is missing and the remedy.
+    """
+    module, _, name = target.partition(":")
+    if folder not in sys.path:
+        sys.path.insert(0, folder)
+    try:
+        found = getattr(importlib.import_module(module), name, None)
+    except Exception as error:
+        raise SimulatorError(
+            f"{target}: the module {module} cannot be imported ({_said(error)}); install what it needs, or name its "
+            "folder with folder:"
+        ) from None
+    except SystemExit:
+        raise SimulatorError(f"{target}: importing the module {module} ends Python; guard its script part") from None
+    if not callable(found):
+        raise SimulatorError(f"{target}: the module {module} has no function {name}; name one of its functions")
+    return found  # type: ignore[no-any-return]
+
+
+@contextlib.contextmanager
+def at_most(seconds: float) -> Iterator[None]:
+    """Raises TimeoutError in a block that takes longer, where Python comes back to look."""
+
+    def end(*_: Any) -> None:
+        raise TimeoutError(f"a roll-out took longer than {seconds:g} s (limit:)")
+
+    before = signal.signal(signal.SIGALRM, end)
+    signal.setitimer(signal.ITIMER_REAL, seconds)
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        signal.signal(signal.SIGALRM, before)
+
+
+def _said(error: BaseException) -> str:
+    said = one_line(error)
+    return said if isinstance(error, SimulatorError | TimeoutError) else f"{type(error).__name__}: {said}"

@@ -1,0 +1,193 @@
+"""What is known of a simulator of the user's, and what its parameters mean of a car."""
+
+import dataclasses
+import hashlib
+import json
+from collections.abc import Mapping
+from functools import cached_property
+from typing import Any, Literal, NamedTuple
+
+import numpy as np
+
+from drift_drake.car.deviation import Deviation
+from drift_drake.car.effects.catalogue import CATALOGUE, PARAMETRIC
+from drift_drake.car.effects.magnitudes import Effects
+from drift_drake.car.effects.record import Effect
+from drift_drake.car.foreign.signals import Signal
+from drift_drake.car.parameters import Constants
+from drift_drake.car.single_track.motion_with_effects import changed_constants
+
+Kind = Literal["python", "drake", "fmu"]
+
+
+class Change(NamedTuple):
+    """What an effect of magnitude q does to a parameter: times (1 + sign q), or plus sign q where it is a length."""
+
+    meaning: str
+    sign: float = 1.0
+    relative: bool = True
+
+
+CHANGES: dict[str, tuple[Change, ...]] = {
+    "mass_error": (Change("mass"),),
+    "yaw_inertia_error": (Change("yaw_inertia"),),
+    "cg_shift": (Change("front_axle_distance", 1.0, False), Change("rear_axle_distance", -1.0, False)),
+    "friction_level": (Change("friction"), Change("front_friction"), Change("rear_friction")),
+    "front_rear_friction_split": (Change("front_friction"), Change("rear_friction", -1.0)),
+    "front_stiffness_error": (Change("front_stiffness"),),
+    "rear_stiffness_error": (Change("rear_stiffness"),),
+    "longitudinal_stiffness_error": (Change("longitudinal_stiffness"),),
+    "drivetrain_inertia_error": (Change("rear_axle_inertia"),),
+    "tyre_relaxation": (Change("tyre_relaxation", 1.0, False),),
+}
+"""Effects that act through a simulator's parameters, whichever of these it has."""
+ANY_OF = ("friction_level", "cg_shift")  # that one of them is enough for
+MEANINGS = tuple(dict.fromkeys(change.meaning for changes in CHANGES.values() for change in changes))
+THROUGH_TORQUE = ("torque_gain_error", "drivetrain_friction")  # that a command to the engine can do too
+STEERING, TORQUE = ("steering", "torque")
+FORCES = ("force_x", "force_y", "yaw_moment")
+
+
+@dataclasses.dataclass(frozen=True)
+class Simulator:
+    """A simulator as its file describes it; `written` is that description as JSON, with absolute paths."""
+
+    kind: Kind
+    target: str  # `module:function`, or an FMU's path
+    folder: str  # that modules are imported from
+    batch: bool
+    step: float  # [s] at most, between two rows of its inputs
+    lead_in: float  # [s]
+    limit: float  # [s] that one roll-out may take
+    set_state: str  # `module:function` of a Drake system, or empty
+    inputs: Mapping[str, Signal]
+    outputs: Mapping[str, Signal]
+    start: Mapping[str, Signal]
+    parameters: tuple[str, ...]
+    meaning: Mapping[str, tuple[str, ...]]
+    unknown: Mapping[str, Deviation]
+    reference_gear: float  # gear ratio of the car that the file describes: more of it is more torque
+    written: str
+
+    @cached_property
+    def key(self) -> str:
+        """Tells it from any other: a hash of its description."""
+        return hashlib.sha256(f"{self.folder} {self.written}".encode()).hexdigest()
+
+    @property
+    def data(self) -> dict[str, Any]:
+        """The description, as in its file."""
+        return dict(json.loads(self.written))
+
+    @cached_property
+    def lacking(self) -> dict[str, str]:
+        """Effects that it cannot have, and why."""
+        found = {name: self._why_not(name, effect) for name, effect in CATALOGUE.items()}
+        return {name: why for name, why in found.items() if why}
+
+    def _why_not(self, name: str, effect: Effect) -> str:
+        """What it lacks for an effect; empty where it can have it."""
+        needs = [*effect.remembers, *((effect.delays,) if effect.delays else ())]
+        if effect.rate is not None:
+            return "it has a state of its own, which a simulator of yours cannot be given"
+        if name in CHANGES:
+            asked = [change.meaning for change in CHANGES[name]]
+            lacks = [one for one in asked if one not in self.meaning]
+            enough = len(lacks) < len(asked) if name in ANY_OF else not lacks
+            return "" if enough else f"no parameter is said to be {' or '.join(lacks)}"
+        if effect.force is not None:
+            lacks = [one for one in forces_of(effect) if one not in self.inputs]
+            return f"no input {' and '.join(lacks)}" if lacks else ""
+        if effect.stage == "sensor":
+            lacks = [one for one in effect.needs if one not in ("psi", "r") and not self.gives(one)]
+            return f"no output {' and '.join(lacks)}" if lacks else ""
+        if name in THROUGH_TORQUE or ("tau_cmd" in needs and effect.stage == "actuator"):
+            return "" if TORQUE in self.inputs else "no input torque"
+        if effect.stage in ("actuator", "command"):
+            return "" if STEERING in self.inputs else "no input steering"
+        return "it is inside the simulator's equations"
+
+    def gives(self, channel: str) -> bool:
+        """Whether its outputs say a channel of a log: r, v, beta, omega_r or psi."""
+        has = self.outputs
+        both = "v_x" in has and "v_y" in has
+        return channel in has or (channel in ("v", "beta") and both) or (channel == "psi" and "r" in has)
+
+    def left_out(self) -> list[str]:
+        """What it cannot have and why, a sentence a reason."""
+        names: dict[str, list[str]] = {}
+        for name, why in self.lacking.items():
+            names.setdefault(why, []).append(name)
+        return [f"{', '.join(some)} ({why})" for why, some in names.items()]
+
+    # What `car.equations.kind_of` gives of any car:
+
+    SIZE = 5
+    STEPPED = True
+
+    @property
+    def LACKS(self) -> tuple[str, ...]:  # noqa: N802
+        return tuple(self.lacking)
+
+    @property
+    def DEVIATIONS(self) -> Mapping[str, Deviation]:  # noqa: N802
+        return self.unknown
+
+    @property
+    def FOLDED(self) -> tuple[str, ...]:  # noqa: N802
+        return tuple(name for name in CATALOGUE if name in PARAMETRIC or name in CHANGES)
+
+    def value_of(self, name: str, constants: "SimulatorConstants") -> float:
+        """A parameter by its name."""
+        return constants.values[self.parameters.index(name)]
+
+    def deviated(
+        self, constants: "SimulatorConstants", by: Mapping[str, float], effects: Effects  # noqa: ARG002
+    ) -> "SimulatorConstants":  # fmt: skip
+        """The car with its unknown parameters so many standard deviations off."""
+        values = dict(zip(self.parameters, constants.values, strict=True))
+        values |= {name: one.moved(values[name], by.get(name, 0.0)) for name, one in self.unknown.items()}
+        return constants._replace(values=tuple(values.values()))
+
+    def changed_constants(self, constants: "SimulatorConstants", effects: Effects) -> "SimulatorConstants":
+        """The car with the effects that change its parameters."""
+        values = dict(zip(self.parameters, constants.values, strict=True))
+        for name, changes in CHANGES.items():
+            q = float(getattr(effects, name))
+            for change in changes if q else ():
+                for own in self.meaning.get(change.meaning, ()):
+                    by = change.sign * q
+                    values[own] = values[own] * (1.0 + by) if change.relative else values[own] + by
+        about = changed_constants(constants.about, effects)
+        return constants._replace(values=tuple(values.values()), about=about)
+
+
+def forces_of(effect: Effect) -> list[str]:
+    """Inputs that a further force on the body acts through, found by its physics at one motion."""
+    assert effect.force is not None
+    car = Constants(1000.0, 1500.0, 1.2, 1.3, 0.3, 20.0, 10.0, 1.0, 1e5, 1e5, 9.81, 0.0, 0.0)
+    wrench = effect.force(0.5, 10.0, 0.2, 9.0, 0.7, car, 0.1)
+    return [name for name, part in zip(FORCES, wrench, strict=True) if part != 0.0]
+
+
+class SimulatorConstants(NamedTuple):
+    """A simulator with its parameters' values, and the single-track car that is about it."""
+
+    simulator: Simulator
+    values: tuple[float, ...]
+    about: Constants
+
+    def __getattr__(self, name: str) -> Any:
+        """Mass, friction and other numbers of the car about it."""
+        if name in Constants._fields:
+            return getattr(self.about, name)
+        raise AttributeError(name)
+
+    @property
+    def torque_gain(self) -> float:
+        """Times the torque that the log commands."""
+        return float(self.about.gear_ratio / self.simulator.reference_gear)
+
+    def by_name(self) -> dict[str, float]:
+        """The parameters' values."""
+        return dict(zip(self.simulator.parameters, (float(q) for q in np.asarray(self.values)), strict=True))

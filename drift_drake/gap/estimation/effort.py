@@ -1,0 +1,53 @@
+"""How much is asked of a simulator of the user's that is slow: fewer windows, and derivatives that are used longer."""
+
+from collections.abc import Sequence
+
+from drift_drake.car.effects.magnitudes import Effects
+from drift_drake.car.equations import CarConstants
+from drift_drake.car.foreign.pool import cost_of, workers_here
+from drift_drake.car.foreign.simulator import SimulatorConstants
+from drift_drake.gap.estimation.windows import WindowedRun, errors, thinned
+
+EVALUATION = 0.4  # [s] that the predictions of all windows by one car may take, about
+LEAST_WINDOWS = 100
+SLOW = 1e-3  # [s] of a roll-out, from where on derivatives are used at cars near by too
+PROBED = 8  # windows a worker, that a simulator's cost is taken from
+PROBED_AT_ONCE = 100  # the same where it answers many at once
+
+
+def affordable(constants: CarConstants, runs: Sequence[WindowedRun], most: int) -> int:
+    """Windows that predictions by a car are asked for, `most` where they cost little.
+
+    Args:
+        runs: some windows of which a simulator is asked for, where it has not been asked for any yet.
+
+    Raises:
+        SimulatorError: it cannot be run.
+    """
+    if not isinstance(constants, SimulatorConstants):
+        return most
+    simulator = constants.simulator
+    if cost_of(simulator).count == 0:
+        probed = PROBED_AT_ONCE if simulator.batch else PROBED
+        errors(thinned(runs, probed * workers_here()), constants, Effects())
+    can = int(EVALUATION * workers_here() / max(cost_of(simulator).seconds, 1e-9))
+    return min(most, max(can, LEAST_WINDOWS))
+
+
+def is_slow(constants: CarConstants) -> bool:
+    """Whether predictions cost so much that derivatives are to be used longer."""
+    return isinstance(constants, SimulatorConstants) and cost_of(constants.simulator).seconds > SLOW
+
+
+def remarks(constants: CarConstants, used: int, of: int) -> list[str]:
+    """What is to be said of a simulator's roll-outs: what it lacks, fewer windows, those that failed."""
+    if not isinstance(constants, SimulatorConstants):
+        return []
+    cost = cost_of(constants.simulator)
+    out = [f"not judged, since the simulator cannot have it: {sentence}" for sentence in constants.simulator.left_out()]
+    if used < of:
+        out.append(
+            f"the simulator takes {1e3 * cost.seconds:.2g} ms for a roll-out: {used} windows of {of} are used, evenly "
+            "chosen"
+        )
+    return [*out, *([cost.sentence()] if cost.failed else [])]

@@ -1,0 +1,109 @@
+"""Prediction errors of a simulator of the user's: windows become roll-outs, effects what is done round it.
+
+What actuators and clocks do is done to its inputs, what sensors do to what is compared, further forces along the
+measured motion go to its inputs for forces, and all else through its parameters (`car.foreign.simulator`).
+"""
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from drift_drake.car.effects.magnitudes import Effects, unbiased
+from drift_drake.car.foreign.along import between, inputs_along
+from drift_drake.car.foreign.asked import CHANNELS, job_of, motion_of
+from drift_drake.car.foreign.pool import roll_all
+from drift_drake.car.foreign.rollouts import Job, SimulatorError
+from drift_drake.car.foreign.simulator import Simulator, SimulatorConstants
+from drift_drake.common.arrays import Array, Index
+
+if TYPE_CHECKING:
+    from drift_drake.gap.estimation.windows import WindowedRun
+
+LARGEST_ERROR = 1e3
+
+
+class _Part(NamedTuple):
+    """Windows of one run with the same lead-in."""
+
+    run: int
+    at: Index  # indices of the run's windows
+    lead: int  # rows
+    steps: int  # of the simulator in a row
+    measured: Array  # [windows, 5] at the starts, sensors' errors taken out
+
+
+def simulated_errors(
+    runs: "Sequence[WindowedRun]", constants: SimulatorConstants, effects: Effects, horizons: int,
+    pushes: Sequence[Array],
+) -> list[Array]:  # fmt: skip
+    """Prediction errors [windows, horizons, 5] of each run; zero in channels that the simulator does not put out.
+
+    Args:
+        pushes: of each run, further force (F_x, F_y) [N] and yaw moment [N m] on the body [rows, 3], none with zero
+            rows.
+
+    Raises:
+        SimulatorError: the simulator cannot be run.
+    """
+    simulator = constants.simulator
+    constants = simulator.changed_constants(constants, effects)
+    effects = effects._replace(**dict.fromkeys(simulator.FOLDED, 0.0))
+    parts, jobs = [], []
+    for k, (run, push) in enumerate(zip(runs, pushes, strict=True)):
+        if run.fed and "measured_speed" not in simulator.inputs:
+            raise SimulatorError(
+                f"{run.name}: has no tau_cmd, and the simulator no input measured_speed that would stand for it; log "
+                "the torque, or give the simulator such an input"
+            )
+        for part, job in _asked(k, run, constants, effects, horizons, push):
+            parts.append(part)
+            jobs.append(job)
+    out = [np.zeros((len(run.starts), horizons, len(CHANNELS))) for run in runs]
+    for part, got in zip(parts, roll_all(jobs), strict=True):
+        run = runs[part.run]
+        motion = motion_of(simulator, got, run.period / part.steps)
+        rows = part.lead + run.stride_rows * np.arange(horizons + 1)
+        moved = motion[:, rows * part.steps] - motion[:, rows[:1] * part.steps]
+        first = part.measured if part.lead else _started(simulator, part.measured, motion)
+        y = run.y[run.starts[part.at][:, None] + run.stride_rows * np.arange(1, horizons + 1)]
+        read = unbiased(*(y[..., i] for i in range(4)), run.read_with(effects))
+        errors = np.stack([*read, y[..., 4]], axis=-1) - (first[:, None] + moved[:, 1:])
+        there = np.array([simulator.gives(name) for name in CHANNELS])
+        errors[..., ~there] = 0.0
+        errors[..., ~run.used] = 0.0
+        out[part.run][part.at] = np.where(np.abs(errors) < LARGEST_ERROR, errors, LARGEST_ERROR)
+    return out
+
+
+def _started(simulator: Simulator, measured: Array, motion: Array) -> Array:
+    """What predictions without a lead-in begin at [windows, 5]: what was set, or what the simulator begins with."""
+    has = simulator.start
+    both = "v_x" in has and "v_y" in has
+    set_ = [name in has or (name in ("v", "beta") and both) or name == "psi" for name in CHANNELS]
+    return np.where(set_, measured, np.where(np.isfinite(motion[:, 0]), motion[:, 0], measured))
+
+
+def _asked(
+    index: int, run: "WindowedRun", constants: SimulatorConstants, effects: Effects, horizons: int, push: Array
+) -> list[tuple[_Part, Job]]:
+    """The roll-outs of one run, by the length of their lead-in (early windows have less of it)."""
+    simulator = constants.simulator
+    steps = max(int(np.ceil(run.period / simulator.step - 1e-9)), 1)
+    reading = run.read_with(effects)
+    motion = np.stack([*unbiased(*(run.start_y[:, i] for i in range(4)), reading), run.start_y[:, 4]], axis=-1)
+    signals = inputs_along((run.delta, run.tau), motion, run.period, constants, effects, steps, run.bank, push)
+    leads = np.minimum(run.starts, round(simulator.lead_in / run.period))
+    out = []
+    for lead in np.unique(leads):
+        at = np.flatnonzero(leads == lead)
+        begin = run.starts[at] - lead
+        rows = steps * (lead + horizons * run.stride_rows)
+        grid = (steps * begin)[:, None] + np.arange(rows + 1)
+        inputs = {name: values[grid] for name, values in signals.items()}
+        inputs["lead_in"] = np.broadcast_to((np.arange(rows + 1) < steps * lead) * 1.0, grid.shape)
+        along = begin[:, None] + np.arange(lead * steps + 1) / steps
+        held = between(motion, along) if lead else None
+        job = job_of(constants, run.period / steps, motion[begin], inputs, held)
+        out.append((_Part(index, at, int(lead), steps, motion[run.starts[at]]), job))
+    return out

@@ -1,0 +1,62 @@
+"""A bicycle on tanh tyres as an FMU's slave, which the tests build with pythonfmu."""
+
+from math import atan2, cos, hypot, sin, tanh
+
+from pythonfmu import Fmi2Causality, Fmi2Slave, Fmi2Variability, Real
+
+STEP = 0.002  # [s] at most, of its own integration
+PARAMETERS = {
+    "m": 1450.0,
+    "J": 2200.0,
+    "lf": 1.2,
+    "lr": 1.3,
+    "mu": 1.0,
+    "cf": 1.2e5,
+    "cr": 1.5e5,
+    "jw": 12.0,
+    "radius": 0.32,
+}
+STARTS = {"vx0": 12.0, "vy0": 0.0, "r0": 0.0, "w0": 37.5}
+
+
+class FmuCar(Fmi2Slave):
+    def __init__(self, **kwargs):
+        super().__init__(**kwargs)
+        for name, value in (PARAMETERS | STARTS).items():
+            setattr(self, name, value)
+            self.register_variable(Real(name, causality=Fmi2Causality.parameter, variability=Fmi2Variability.tunable))
+        for name in ("steer", "torque", "push"):
+            setattr(self, name, 0.0)
+            self.register_variable(Real(name, causality=Fmi2Causality.input))
+        for name in ("vx", "vy", "r", "w", "psi"):
+            setattr(self, name, 0.0)
+            self.register_variable(Real(name, causality=Fmi2Causality.output))
+
+    def exit_initialization_mode(self):
+        self.vx, self.vy, self.r, self.w, self.psi = self.vx0, self.vy0, self.r0, self.w0, 0.0
+
+    def _rates(self, vx, vy, r, w):
+        base, weight = self.lf + self.lr, self.m * 9.81
+        front, rear = self.mu * weight * self.lr / base, self.mu * weight * self.lf / base
+        roll = max(vx, 1.0)
+        alpha = atan2(vy + self.lf * r, roll) - self.steer
+        f_front = -front * tanh(self.cf * alpha / front)
+        slip_y, slip_x = -atan2(vy - self.lr * r, roll), (w * self.radius - vx) / roll
+        slip = hypot(slip_x, slip_y) + 1e-9
+        force = rear * tanh(self.cr * slip / rear)
+        fx, fy = force * slip_x / slip, force * slip_y / slip
+        ax = (fx - f_front * sin(self.steer) + self.push) / self.m
+        ay = (fy + f_front * cos(self.steer)) / self.m
+        moment = self.lf * f_front * cos(self.steer) - self.lr * fy
+        return ax + r * vy, ay - r * vx, moment / self.J, (self.torque - fx * self.radius) / self.jw
+
+    def do_step(self, current_time, step_size):  # noqa: ARG002
+        steps = max(round(step_size / STEP), 1)
+        h = step_size / steps
+        for _ in range(steps):
+            z = (self.vx, self.vy, self.r, self.w)
+            k = self._rates(*z)
+            middle = self._rates(*(a + 0.5 * h * b for a, b in zip(z, k, strict=True)))
+            self.psi += h * self.r
+            self.vx, self.vy, self.r, self.w = (a + h * b for a, b in zip(z, middle, strict=True))
+        return True

@@ -1,0 +1,109 @@
+"""`drift-drake simulator check` names each mistake that is put into a simulator, and none in a good one."""
+
+import json
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from drift_drake.car.car_file import read_car
+from drift_drake.car.foreign.check import check_simulator
+from drift_drake.car.foreign.pool import cost_of, end_workers
+from drift_drake.car.foreign.rollouts import SimulatorError
+from drift_drake.car.foreign.simulator_car import SimulatorCar
+from drift_drake.cli.main import main
+from tests.car.foreign.bicycle import DATA, written
+
+INPUTS, OUTPUTS = DATA["simulator"]["inputs"], DATA["simulator"]["outputs"]
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _ended() -> Iterator[None]:
+    yield
+    end_workers()
+
+
+def checked(path: Path):
+    car, _ = read_car(path)
+    assert isinstance(car, SimulatorCar)
+    return check_simulator(car)
+
+
+def test_nothing_is_wrong_with_a_good_one(tmp_path: Path) -> None:
+    found = checked(written(tmp_path))
+    assert [one.sentence for one in found.findings if one.grade != "good"] == []
+    assert 0.0 < found.seconds_per_rollout < 0.5
+
+
+MISTAKES = {
+    "other sign": ("other_sign", {}, r"steering moves r by -\d.* times .*; give sign: -1"),
+    "sign in the file": ("simulate", {"outputs": OUTPUTS | {"r": {"name": "r", "sign": -1}}},
+                         r"r begins at -1 times what is measured \(the other sign\)"),
+    "degrees": ("degrees", {}, r"r begins at 57\.3 times what is measured \(degrees for radians\)"),
+    "takes degrees": ("takes_degrees", {}, r"steering moves r by 0\.017\d* times .* \(radians for degrees\)"),
+    "psi in degrees": ("psi_in_degrees", {}, r"psi turns 57\.3 times as far as r says \(degrees for radians\)"),
+    "rpm": ("simulate", {"outputs": OUTPUTS | {"omega_r": {"name": "w", "unit": "rpm"}}},
+            r"omega_r begins at 0\.105 times .*\(rad/s for rpm\)"),
+    "no gear ratio": ("simulate", {"inputs": INPUTS | {"torque": "torque"}}, r"torque moves v by 0\.1\d* times"),
+    "cannot be set": ("starts_at_rest", {}, r"r cannot be set: its start value changes nothing; .* lead_in: 0\.3"),
+    "step": ("coarse", {}, r"half the step of 10 ms changes the motion by .*: it is too long; give step: 0\.0025"),
+    "lag": ("late", {}, r"output psi comes 40 ms later than r: it lags"),
+    "after the step": ("after_the_step", {}, r"output shows its start value|v shows its start value 1 rows late"),
+    "random": ("random", {}, r"the same roll-out came out different .*: it draws random numbers, or keeps state"),
+    "keeps state": ("keeps_state", {}, r"the same roll-out came out different"),
+    "raises": ("raises", {}, r"with m of 1740 it does not come through \(ValueError: the matrix is singular\)"),
+    "does nothing": ("nothing", {}, r"J changes nothing in a turn under power"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("mistake", MISTAKES)
+def test_a_mistake_is_named(tmp_path: Path, mistake: str) -> None:
+    function, changes, said = MISTAKES[mistake]
+    found = checked(written(tmp_path, function, **changes))
+    sentences = [one.sentence for one in found.findings if one.grade != "good"]
+    assert any(re.search(said, sentence) for sentence in sentences), sentences
+
+
+def test_a_crash_and_a_hang_are_bounded_counted_and_named(tmp_path: Path) -> None:
+    for function, said in (("ends", "process ended in a roll-out"), ("hangs", r"took longer than 1 s")):
+        path = written(tmp_path, function, limit=1.0)
+        found = checked(path)
+        assert any("m of 1740" in one.sentence and re.search(said, one.sentence) for one in found.findings)
+        assert cost_of(read_car(path)[0].simulator).failed > 0
+
+
+CANNOT_BE_RUN = {
+    "not_finite": r"a car that rolls straight on cannot be simulated: its outputs are no finite numbers",
+    "forgets": r"output w is not among what it returned \(r, vx, vy, psi\)",
+    "too_short": r"output \w+ has the shape \(1, 80\), expected \(1, 81\)",
+    "no_dict": r"returned list, not a dict of its outputs by name",
+    "nowhere": r"bicycle:nowhere: the module bicycle has no function nowhere",
+}
+
+
+@pytest.mark.parametrize("function", CANNOT_BE_RUN)
+def test_what_cannot_be_run_is_one_sentence(tmp_path: Path, function: str) -> None:
+    with pytest.raises(SimulatorError, match=CANNOT_BE_RUN[function]):
+        checked(written(tmp_path, function))
+
+
+def test_a_module_that_cannot_be_imported(tmp_path: Path) -> None:
+    (tmp_path / "needs_more.py").write_text("import no_such_package\n")
+    (tmp_path / "ends_python.py").write_text("import sys\nsys.exit(0)\n")
+    for module, said in (("needs_more", "ModuleNotFoundError.*install what it needs"), ("ends_python", "ends Python")):
+        path = written(tmp_path, python=f"{module}:simulate")
+        path.write_text(path.read_text().replace(str(Path(__file__).parent), str(tmp_path)))
+        with pytest.raises(SimulatorError, match=said):
+            checked(path)
+
+
+def test_as_a_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["simulator", "check", str(written(tmp_path)), "--json", str(tmp_path / "found.json")]) == 0
+    said = capsys.readouterr().out
+    assert "nothing to be put right" in said
+    assert "left out: sliding_friction_drop" in said
+    assert json.loads((tmp_path / "found.json").read_text())["findings"]
+    assert main(["simulator", "check", str(written(tmp_path, "other_sign"))]) == 1
+    assert "! steering moves r" in capsys.readouterr().out
+    assert main(["simulator", "check", str(written(tmp_path, "nowhere"))]) == 2

@@ -4,6 +4,7 @@ from .car.effects.catalogue import CATALOGUE as CATALOGUE
 from .car.effects.magnitudes import Effects as Effects
 from .car.effects.magnitudes import make_effects as make_effects
 from .car.effects.record import Effect as Effect
+from .car.foreign.check import check_simulator as check_simulator
 from .car.log.table import Run as Run
 from .car.log.table import read_case as read_case
 from .car.log.table import read_run as read_run

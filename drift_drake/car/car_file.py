@@ -44,3 +44,11 @@ def read_plant(path: str | Path) -> tuple[VehicleParameters | DoubleTrackParamet
         raise InvalidVehicleError(f"{path}: {NO_VEHICLE_FILE}")
     assert isinstance(car, VehicleParameters | DoubleTrackParameters)
     return car, effects
+
+
+def read_simulator_car(path: str | Path) -> SimulatorCar:
+    """The simulator of a simulator file; raises InvalidVehicleError where it holds another car."""
+    car, _ = read_car(path)
+    if not isinstance(car, SimulatorCar):
+        raise InvalidVehicleError(f"{path}: holds a vehicle file; give one with '{SIMULATOR}:' here")
+    return car

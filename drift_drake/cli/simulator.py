@@ -6,8 +6,7 @@ from typing import Annotated, Literal
 
 import tyro
 
-from drift_drake.car.car_file import read_car
-from drift_drake.car.parameters import InvalidVehicleError
+from drift_drake.car.car_file import read_simulator_car
 from drift_drake.common.safe_files import try_outputs
 from drift_drake.common.standard_output import said_to, write_results
 
@@ -34,11 +33,8 @@ class Simulator:
 
 def run_simulator(command: Simulator) -> int:
     from drift_drake.car.foreign.check import check_simulator
-    from drift_drake.car.foreign.simulator_car import SimulatorCar
 
-    car, _ = read_car(command.file)
-    if not isinstance(car, SimulatorCar):
-        raise InvalidVehicleError(f"{command.file}: holds a vehicle file; give one with 'simulator:' here")
+    car = read_simulator_car(command.file)
     try_outputs({"--json": command.json}, [command.file])
     checked = check_simulator(car)
     to = said_to(command.json)

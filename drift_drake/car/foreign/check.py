@@ -9,11 +9,13 @@ import math
 import time
 from collections.abc import Mapping, Sequence
 from functools import cached_property
+from pathlib import Path
 from types import MappingProxyType
 from typing import Literal, NamedTuple
 
 import numpy as np
 
+from drift_drake.car.car_file import read_simulator_car
 from drift_drake.car.effects.magnitudes import NO_INTERNAL_STATES, Effects
 from drift_drake.car.foreign.asked import CHANNELS, job_of, motion_of
 from drift_drake.car.foreign.pool import cost_of, roll_all
@@ -118,12 +120,24 @@ class _Trial:
         return np.array(out)
 
 
-def check_simulator(car: SimulatorCar) -> CheckedSimulator:
-    """Tries a simulator.
+def check_simulator(simulator: str | Path | SimulatorCar) -> CheckedSimulator:
+    """Tries a simulator of yours for what goes wrong in practice: signs, units, starts, steps, memory, crashes.
+
+    Examples:
+        >>> found = check_simulator("simulator.yaml")  # doctest: +SKIP
+        >>> print(found.wrong, found.findings[0].sentence)  # doctest: +SKIP
+
+    Args:
+        simulator: path of a simulator file, or what was read from one.
+
+    Returns:
+        Findings with a grade and a sentence each, seconds [s] that a roll-out of 0.8 s takes, and the effects that the
+        simulator cannot have, with the reason.
 
     Raises:
-        SimulatorError: it cannot be loaded, or no roll-out comes back.
+        InvalidVehicleError: of the file; SimulatorError: it cannot be loaded, or no roll-out comes back.
     """
+    car = simulator if isinstance(simulator, SimulatorCar) else read_simulator_car(simulator)
     began, trial = time.perf_counter(), _Trial(car)
     if not np.all(np.isfinite(trial.rest[:, [i for i, name in enumerate(CHANNELS) if car.simulator.gives(name)]])):
         why = cost_of(car.simulator).why or "its outputs are no finite numbers"

@@ -35,7 +35,7 @@ def rolled_out(
     simulator, constants = car.simulator, car.simulator.changed_constants(car.constants(), effects)
     rest = effects._replace(**dict.fromkeys(simulator.FOLDED, 0.0))
     steps = max(int(np.ceil(run.period / simulator.step - 1e-9)), 1)
-    true = np.stack([*unbiased(*motion.smooth[:, :4].T, rest), motion.smooth[:, 6]], axis=-1)
+    true: Array = np.stack([*unbiased(*motion.smooth[:, :4].T, rest), motion.smooth[:, 6]], axis=-1)
     signals = inputs_along((run.delta_cmd, run.tau_cmd), true, run.period, constants, rest, steps, run.bank)
     jobs, leads = [], []
     for first, last in stretches:
@@ -48,7 +48,7 @@ def rolled_out(
         leads.append(lead)
     values = np.full((len(run), len(LOG_ROW)), np.nan)
     for (first, last), lead, got in zip(stretches, leads, roll_all(jobs), strict=True):
-        found = motion_of(simulator, got, run.period / steps)[0, steps * lead :: steps]
+        found: Array = motion_of(simulator, got, run.period / steps)[0, steps * lead :: steps]
         found[:, 4] += true[first, 4] - found[0, 4]  # headings are changes
         values[first : last + 1, 1:] = _row_of(found, motion.smooth[first, 4:6], run.period, rest)
     table = pd.DataFrame(dict(zip(LOG_ROW, values.T, strict=True)))

@@ -1,0 +1,91 @@
+"""Simulators of the user's calibrated and diagnosed on the days of `experiments.simulators.days`: a row for each.
+
+    python -m experiments.simulators.judge runs/four_wheels runs/mujoco_car --out runs/judged
+
+What is done is kept: start again to go on.
+"""
+
+import dataclasses
+import json
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import tyro
+
+from diagrams.command import run_command
+from drift_drake.common.run_folder import write_json, write_versions
+from drift_drake.common.safe_files import write_text
+from experiments.other_worlds.jobs import Ask, Calibrate, answer_of, ask, calibrate, done_once, failure_path
+from experiments.other_worlds.scoring import Row, share
+
+COLUMNS = ("simulator", "errors of the first guess's", "effects named", "none said", "intervals hold", "ms a roll-out",
+           "s a calibration", "s a day")  # fmt: skip
+
+
+@dataclasses.dataclass(frozen=True)
+class Judge:
+    """Worlds to judge."""
+
+    worlds: Annotated[tuple[Path, ...], tyro.conf.Positional]
+    """Folders of days."""
+    out: Path
+    """Run folder; one that exists is gone on with."""
+    workers: int = 1
+    """Days at once, each with processes of its own."""
+
+
+def judged(world: Path, out: Path, workers: int) -> tuple[dict[str, Any], list[Row]]:
+    """A world's calibration, and its days."""
+    job = Calibrate((world / "day_one",), world / "start.yaml", out / world.name)
+    done_once(workers, calibrate, [job], "calibration")
+    labels = json.loads((world / "labels.json").read_text())
+    days = [Ask(world / code, job.folder, job.folder / "answers" / f"{code}.json") for code in labels]
+    done_once(workers, ask, days, "day")
+    rows = [Row(world.name, world.name, code, label["effects"], answer_of(day.out), drives=label["drives"])
+            for (code, label), day in zip(labels.items(), days, strict=True)]  # fmt: skip
+    found = json.loads((job.out if job.out.exists() else failure_path(job.out)).read_text())
+    return found, rows
+
+
+def said_share(flags: list[bool]) -> str:
+    """Hits of how many, with the exact 95 % interval of the share."""
+    s = share(flags)
+    return f"{s['hits']} of {s['count']} ({s['low']:.2f} to {s['high']:.2f})" if s["count"] else "-"
+
+
+def row_of(name: str, calibration: dict[str, Any], rows: list[Row]) -> str:
+    """A world as a row of the table."""
+    if "held_out" not in calibration:
+        return f"| {name} | {calibration['message']} |"
+    cost = [w.split(" takes ")[1].split(" for ")[0] for w in calibration["warnings"] if "for a roll-out" in w]
+    seconds = [row.answer["seconds"] for row in rows if "seconds" in row.answer]
+    cells = [
+        name, f"{calibration['held_out']['ratio']:.2f}", said_share([row.right for row in rows if row.effects]),
+        said_share([row.right for row in rows if not row.effects]),
+        said_share([held for row in rows for held in row.covered]), cost[0] if cost else "-",
+        f"{calibration['seconds']:.0f}", f"{np.median(seconds):.0f}" if seconds else "-",
+    ]  # fmt: skip
+    return f"| {' | '.join(cells)} |"
+
+
+def main(config: Judge) -> None:
+    """Judges all worlds."""
+    lines = [f"| {' | '.join(COLUMNS)} |", "|" + " --- |" * len(COLUMNS)]
+    details, every = [], list[Row]()
+    config.out.mkdir(parents=True, exist_ok=True)
+    for world in config.worlds:
+        calibration, rows = judged(world, config.out, config.workers)
+        lines.append(row_of(world.name, calibration, rows))
+        every += rows
+        details += [f"| {row.world} | {row.case} ({row.drives}) | {row.effects or 'none'} | {row.said} "
+                    f"{row.probability:.2f} | {'right' if row.right else 'wrong'} |" for row in rows]  # fmt: skip
+    text = "\n".join([*lines, "", "| simulator | day | hidden | said | |", "| --- | --- | --- | --- | --- |", *details])
+    write_text(config.out / "judged.md", text + "\n")
+    write_json(config.out / "judged.json", [dataclasses.asdict(row) | {"right": row.right} for row in every])
+    write_versions(config.out)
+    print("\n".join(lines))
+
+
+if __name__ == "__main__":
+    run_command(main, Judge, __doc__)

@@ -54,15 +54,22 @@ class _Process(SpawnProcess):
 
 
 class _ProcessWithoutMain(_Process):
-    """The same for jobs that need nothing of the user's script: it is not run again in the process, guarded or not."""
+    """The same for jobs that need nothing of the user's script: it is not run again in the process, guarded or not.
+
+    It may be started by a cluster's worker, too: those are daemons, which Python lets start no process, as theirs would
+    outlive them. This one does not (`end_with_parent`).
+    """
 
     def start(self) -> None:
-        main = sys.modules["__main__"]
+        main, own = sys.modules["__main__"], multiprocessing.current_process()._config  # type: ignore[attr-defined]
+        is_daemon = own.pop("daemon", None)
         sys.modules["__main__"] = ModuleType("__main__")
         try:
             super().start()
         finally:
             sys.modules["__main__"] = main
+            if is_daemon is not None:
+                own["daemon"] = is_daemon
 
 
 def track_resources() -> None:

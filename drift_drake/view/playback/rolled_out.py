@@ -42,7 +42,7 @@ def rolled_out(
         lead = min(round(simulator.lead_in / run.period), first)
         at = steps * (first - lead) + np.arange(steps * (last - first + lead) + 1)
         inputs = {name: values[at][None] for name, values in signals.items()}
-        inputs["lead_in"] = (np.arange(len(at)) < steps * lead)[None] * 1.0
+        inputs["lead_in"] = np.where(np.arange(len(at)) < steps * lead, 1.0, 0.0)[None]
         held = between(true, first - lead + np.arange(steps * lead + 1) / steps)[None] if lead else None
         jobs.append(job_of(constants, run.period / steps, true[[first - lead]], inputs, held))
         leads.append(lead)

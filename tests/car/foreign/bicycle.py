@@ -166,3 +166,16 @@ def written(folder: Path, function: str = "simulate", name: str = "simulator.yam
     path = folder / name
     path.write_text(yaml.safe_dump(data, sort_keys=False))
     return path
+
+
+def straight_on(path: Path) -> None:
+    """A roll-out of a simulator file's car, in whatever process this is."""
+    from drift_drake.car.car_file import read_simulator_car
+    from drift_drake.car.foreign.asked import job_of
+    from drift_drake.car.foreign.pool import end_workers, roll_all
+
+    inputs = {"steering": np.zeros((1, 11)), "torque": np.zeros((1, 11))}
+    start = np.array([[0.0, 12.0, 0.0, 12.0, 0.0]])
+    (got,) = roll_all([job_of(read_simulator_car(path).constants(), 0.01, start, inputs)])
+    end_workers()
+    assert np.all(np.isfinite(got["r"]))

@@ -103,8 +103,9 @@ def test_states_are_set_by_their_place(tmp_path: Path) -> None:
     assert [one.sentence for one in found.findings if one.grade != "good"] == []
 
 
-@pytest.mark.parametrize("name", ["four_wheels", "mujoco_car"])
+@pytest.mark.parametrize("name", ["four_wheels", "mujoco_car", pytest.param("commonroad_car", marks=pytest.mark.slow)])
 def test_nothing_is_wrong_with_the_other_examples(name: str) -> None:
-    if name == "mujoco_car":
-        pytest.importorskip("mujoco")
+    needs = {"mujoco_car": "mujoco", "commonroad_car": "vehiclemodels"}
+    if name in needs:
+        pytest.importorskip(needs[name])
     assert [one.sentence for one in check_simulator(example(name)).findings if one.grade != "good"] == []

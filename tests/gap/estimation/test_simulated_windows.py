@@ -1,6 +1,7 @@
 """Prediction errors of a simulator of the user's against those of the compiled equations, for the same car."""
 
 import dataclasses
+import multiprocessing
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +16,7 @@ from drift_drake.car.parameters import VehicleParameters
 from drift_drake.gap.estimation.effort import affordable
 from drift_drake.gap.estimation.windows import WindowedRun, errors, windowed
 from tests.car.foreign.bicycle import PARAMETERS as PARAMETERS_OF_BICYCLE
-from tests.car.foreign.bicycle import simulate, written
+from tests.car.foreign.bicycle import simulate, straight_on, written
 
 TWIN = """
 import numpy as np
@@ -145,6 +146,14 @@ def test_a_lead_in_lets_what_cannot_be_set_settle(tmp_path: Path) -> None:
                      0.32 * found["w"])  # fmt: skip
     near, far = (np.sqrt(np.mean(errors(own, car.constants(), Effects())[..., [0, 2]] ** 2)) for car in (led, rest))
     assert near < 0.4 * far
+
+
+def test_a_daemon_may_ask_for_roll_outs(tmp_path: Path) -> None:
+    """As a cluster's worker is one."""
+    daemon = multiprocessing.get_context("spawn").Process(target=straight_on, args=(written(tmp_path),), daemon=True)
+    daemon.start()
+    daemon.join(120.0)
+    assert daemon.exitcode == 0
 
 
 def test_slow_simulators_are_asked_for_fewer_windows(tmp_path: Path, runs, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -40,7 +40,9 @@ COMMANDS = {
     "replay": Command("drift_drake.cli.replay", "a log compared with the simulators' response to its commands"),
     "watch": Command("drift_drake.cli.watch", "a drive watched row by row: what has changed, and since when"),
     "fleet": Command("drift_drake.cli.fleet", "many cars and days: what all, one car, one day deviates by"),
-    "simulator": Command("drift_drake.cli.simulator", "a simulator of yours, tried before it is calibrated"),
+    "simulator": Command(
+        "drift_drake.cli.simulator", "a simulator of yours, tried before it is calibrated", "CheckSimulator"
+    ),
     "effects": Command("drift_drake.cli.effects", "the effects that can be named, and what shows them", "ListEffects"),
     "export": Command("drift_drake.cli.export", "logs for Foxglove, vehicle files for CommonRoad and MuJoCo"),
     "train": Command("drift_drake.cli.train", "the Bayesian vehicle model, meta-trained"),

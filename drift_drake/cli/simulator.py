@@ -15,7 +15,7 @@ TO_BE_MENDED = 1  # exit code
 
 
 @dataclasses.dataclass(frozen=True)
-class Simulator:
+class CheckSimulator:
     """Try a simulator of yours: signs, units, starts, steps, memory, crashes, and what one roll-out costs.
 
     drift-drake simulator check simulator.yaml
@@ -31,7 +31,7 @@ class Simulator:
     """Where to write all of it as JSON (-: standard output)."""
 
 
-def run_simulator(command: Simulator) -> int:
+def run_simulator(command: CheckSimulator) -> int:
     from drift_drake.car.foreign.check import check_simulator
 
     car = read_simulator_car(command.file)

@@ -17,7 +17,7 @@ MOTION = {"r": "angular rate", "v": "speed", "v_x": "speed", "v_y": "speed", "be
 KEYS = ("name", "unit", "ratio", "sign", "offset")
 
 
-class Signal(NamedTuple):
+class SimulatorSignal(NamedTuple):
     """One input, output or start value; the simulator's own number is `factor` times that in SI, plus `offset`."""
 
     name: str
@@ -33,7 +33,7 @@ class Signal(NamedTuple):
         return (own - self.offset) / self.factor
 
 
-def signals_of(data: Any, place: str, known: Mapping[str, str], wheel_radius: float) -> dict[str, Signal]:
+def signals_of(data: Any, place: str, known: Mapping[str, str], wheel_radius: float) -> dict[str, SimulatorSignal]:
     """The signals that a part of a simulator file names.
 
     Args:
@@ -51,10 +51,10 @@ def signals_of(data: Any, place: str, known: Mapping[str, str], wheel_radius: fl
     return {key: signal_of(value, f"{place}.{key}", key, known[key], wheel_radius) for key, value in data.items()}
 
 
-def signal_of(value: Any, place: str, quantity: str, dimension: str, wheel_radius: float) -> Signal:
+def signal_of(value: Any, place: str, quantity: str, dimension: str, wheel_radius: float) -> SimulatorSignal:
     """One signal; see `signals_of`."""
     if isinstance(value, str):
-        return Signal(value)
+        return SimulatorSignal(value)
     if not isinstance(value, dict) or not isinstance(value.get("name"), str):
         raise InvalidVehicleError(
             f"{place}: is {shown(value)}; give its name in the simulator, or name:, unit:, ratio:, sign: and offset:"
@@ -70,7 +70,7 @@ def signal_of(value: Any, place: str, quantity: str, dimension: str, wheel_radiu
             wanted = {"sign": "1 or -1", "ratio": "a number other than zero"}.get(key, "a finite number")
             raise InvalidVehicleError(f"{place}.{key}: is {shown(number)}; give {wanted}")
     size = _unit_size(value.get("unit"), place, quantity, dimension, wheel_radius)
-    return Signal(value["name"], float(sign) * float(ratio) / size, float(offset))
+    return SimulatorSignal(value["name"], float(sign) * float(ratio) / size, float(offset))
 
 
 def _unit_size(unit: Any, place: str, quantity: str, dimension: str, wheel_radius: float) -> float:

@@ -13,14 +13,14 @@ from drift_drake.car.deviation import Deviation
 from drift_drake.car.effects.catalogue import CATALOGUE, PARAMETRIC
 from drift_drake.car.effects.magnitudes import Effects
 from drift_drake.car.effects.record import Effect
-from drift_drake.car.foreign.signals import Signal
+from drift_drake.car.foreign.signals import SimulatorSignal
 from drift_drake.car.parameters import Constants
 from drift_drake.car.single_track.motion_with_effects import changed_constants
 
 Kind = Literal["python", "drake", "fmu"]
 
 
-class Change(NamedTuple):
+class ParameterChange(NamedTuple):
     """What an effect of magnitude q does to a parameter: times (1 + sign q), or plus sign q where it is a length."""
 
     meaning: str
@@ -28,17 +28,24 @@ class Change(NamedTuple):
     relative: bool = True
 
 
-CHANGES: dict[str, tuple[Change, ...]] = {
-    "mass_error": (Change("mass"),),
-    "yaw_inertia_error": (Change("yaw_inertia"),),
-    "cg_shift": (Change("front_axle_distance", 1.0, False), Change("rear_axle_distance", -1.0, False)),
-    "friction_level": (Change("friction"), Change("front_friction"), Change("rear_friction")),
-    "front_rear_friction_split": (Change("front_friction"), Change("rear_friction", -1.0)),
-    "front_stiffness_error": (Change("front_stiffness"),),
-    "rear_stiffness_error": (Change("rear_stiffness"),),
-    "longitudinal_stiffness_error": (Change("longitudinal_stiffness"),),
-    "drivetrain_inertia_error": (Change("rear_axle_inertia"),),
-    "tyre_relaxation": (Change("tyre_relaxation", 1.0, False),),
+CHANGES: dict[str, tuple[ParameterChange, ...]] = {
+    "mass_error": (ParameterChange("mass"),),
+    "yaw_inertia_error": (ParameterChange("yaw_inertia"),),
+    "cg_shift": (
+        ParameterChange("front_axle_distance", 1.0, False),
+        ParameterChange("rear_axle_distance", -1.0, False),
+    ),
+    "friction_level": (
+        ParameterChange("friction"),
+        ParameterChange("front_friction"),
+        ParameterChange("rear_friction"),
+    ),
+    "front_rear_friction_split": (ParameterChange("front_friction"), ParameterChange("rear_friction", -1.0)),
+    "front_stiffness_error": (ParameterChange("front_stiffness"),),
+    "rear_stiffness_error": (ParameterChange("rear_stiffness"),),
+    "longitudinal_stiffness_error": (ParameterChange("longitudinal_stiffness"),),
+    "drivetrain_inertia_error": (ParameterChange("rear_axle_inertia"),),
+    "tyre_relaxation": (ParameterChange("tyre_relaxation", 1.0, False),),
 }
 """Effects that act through a simulator's parameters, whichever of these it has."""
 ANY_OF = ("friction_level", "cg_shift")  # that one of them is enough for
@@ -59,10 +66,11 @@ class Simulator:
     step: float  # [s] at most, between two rows of its inputs
     lead_in: float  # [s]
     limit: float  # [s] that one roll-out may take
+    windows: int  # that predictions are asked for at most; 0: as many as its cost allows
     set_state: str  # `module:function` of a Drake system, or empty
-    inputs: Mapping[str, Signal]
-    outputs: Mapping[str, Signal]
-    start: Mapping[str, Signal]
+    inputs: Mapping[str, SimulatorSignal]
+    outputs: Mapping[str, SimulatorSignal]
+    start: Mapping[str, SimulatorSignal]
     parameters: tuple[str, ...]
     meaning: Mapping[str, tuple[str, ...]]
     unknown: Mapping[str, Deviation]

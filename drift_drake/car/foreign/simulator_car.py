@@ -24,9 +24,8 @@ from drift_drake.common.errors import meant, shown
 KINDS = ("python", "drake", "fmu")
 OPTIONS = {"step": 0.01, "lead_in": 0.0, "limit": 2.0}  # [s] that hold where the file says nothing
 LONGEST = {"step": 0.1, "lead_in": 5.0, "limit": 600.0}  # [s]
-KEYS = {*KINDS, *OPTIONS, "folder", "batch", "set_state", "inputs", "outputs", "start", "parameters", "meaning",
-        "unknown"}  # fmt: skip
-SPREAD = 0.2  # one standard deviation of an unknown parameter where the file says nothing
+KEYS = {*KINDS, *OPTIONS, "folder", "batch", "set_state", "windows", "inputs", "outputs", "start", "parameters",
+        "meaning", "unknown"}  # fmt: skip
 
 
 @dataclasses.dataclass(frozen=True)
@@ -93,9 +92,12 @@ def read_simulator(data: dict[str, Any], path: str | Path) -> SimulatorCar:
     _check_signals(place, set(inputs), set(outputs), set(start), options["lead_in"])
     values = _values(given.get("parameters") or {}, place)
     written = given | {kind: target, "folder": str(folder)}
+    windows = given.get("windows", 0)
+    if not isinstance(windows, int) or isinstance(windows, bool) or windows < 0:
+        raise InvalidVehicleError(f"{place}.windows: is {shown(windows)}; give a whole number, or leave it out")
     simulator = Simulator(
         kind=kind, target=target, folder=str(folder), batch=given.get("batch", False) is True,
-        set_state=str(given.get("set_state", "")), inputs=inputs, outputs=outputs, start=start,
+        set_state=str(given.get("set_state", "")), windows=windows, inputs=inputs, outputs=outputs, start=start,
         parameters=tuple(values), meaning=_meaning(given.get("meaning") or {}, place, values),
         unknown=_unknown(given.get("unknown") or {}, place, values), reference_gear=car.gear_ratio,
         written=json.dumps(written), **options,

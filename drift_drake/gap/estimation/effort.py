@@ -27,6 +27,8 @@ def affordable(constants: CarConstants, runs: Sequence[WindowedRun], most: int) 
     if not isinstance(constants, SimulatorConstants):
         return most
     simulator = constants.simulator
+    if simulator.windows:
+        return min(most, simulator.windows)
     if cost_of(simulator).count == 0:
         probed = PROBED_AT_ONCE if simulator.batch else PROBED
         errors(thinned(runs, probed * workers_here()), constants, Effects())
@@ -36,7 +38,9 @@ def affordable(constants: CarConstants, runs: Sequence[WindowedRun], most: int) 
 
 def is_slow(constants: CarConstants) -> bool:
     """Whether predictions cost so much that derivatives are to be used longer."""
-    return isinstance(constants, SimulatorConstants) and cost_of(constants.simulator).seconds > SLOW
+    if not isinstance(constants, SimulatorConstants):
+        return False
+    return bool(constants.simulator.windows) or cost_of(constants.simulator).seconds > SLOW
 
 
 def remarks(constants: CarConstants, used: int, of: int) -> list[str]:

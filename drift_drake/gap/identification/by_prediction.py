@@ -135,10 +135,8 @@ def fit_by_prediction(
     progress("the car alone", 0.0)
     alone = fitted_to(fitted, base)
     progress("with further effects", 0.2)
-    start = np.concatenate([alone.theta, [u.start for u in more]])
-    full = fitted_to(fitted, [*base, *more], start)
-    asked_for = furthest(full) < furthest(alone)
-    chosen, best = ([*base, *more], full) if asked_for else (base, alone)
+    full = fitted_to(fitted, [*base, *more], np.concatenate([alone.theta, [u.start for u in more]]))
+    chosen, best = ([*base, *more], full) if furthest(full) < furthest(alone) else (base, alone)
     found = with_found(constants, effects, magnitudes(best.names, best.theta))
     held_out = held_out_windows(judged, (constants, effects), found)
     progress("all windows", 0.5)
@@ -152,14 +150,8 @@ def fit_by_prediction(
     car, rest = folded(first.with_constants(now), among)
     steps = units(seen, vehicle)
     prior = np.array([prior_of(name, vehicle, stated) for name in seen]) / steps
-    day = make_day(
-        thinned(runs, MOST_LEARNT * most // MOST_WINDOWS),
-        car.constants(),
-        rest,
-        seen,
-        steps,
-        kind_units=sizes_of(constants, fit),
-    )
+    windows = thinned(runs, MOST_LEARNT * most // MOST_WINDOWS)
+    day = make_day(windows, car.constants(), rest, seen, steps, kind_units=sizes_of(constants, fit))
     left = left_of(prior, np.isin(seen, fit.names))
     learnt = learn_normal(day, tuple(seen), steps, prior, between_recordings(seen, vehicle) / steps, left)
     learnt, asked = with_left_out(learnt, car.single_track())

@@ -98,6 +98,7 @@ BAD = {
     "friction twice": ({"meaning": {"friction": "mu", "front_friction": "mu"}}, r"friction is of both axles"),
     "no spread": ({"unknown": {"m": -1}}, r"unknown\.m: is -1; give a standard deviation"),
     "share of zero": ({"parameters": {"a": 0.0}, "meaning": {}, "unknown": {"a": 0.1}}, r"a share of 0 is none"),
+    "windows": ({"windows": -3}, r"simulator\.windows: is -3; give a whole number"),
     "one force": ({"inputs": {"steering": "s", "torque": "t", "force_x": "f"}}, r"force_x and force_y belong together"),
 }  # fmt: skip
 

@@ -160,6 +160,8 @@ def test_slow_simulators_are_asked_for_fewer_windows(tmp_path: Path, runs, monke
     assert affordable(VehicleParameters().constants(), runs, 450) == 450
     car, _ = read_car(written(tmp_path))
     assert affordable(car.constants(), runs, 50) == 50
+    pinned, _ = read_car(written(tmp_path, windows=60, name="pinned.yaml"))
+    assert affordable(pinned.constants(), runs, 450) == 60
     monkeypatch.setattr("drift_drake.gap.estimation.effort.EVALUATION", 0.0)
     assert affordable(car.constants(), runs, 450) == 100
 

@@ -108,8 +108,7 @@ def diagnose_change(
         warnings += [unseen_sentence(name, q) for name, q in h.additional.items()]
     left = left_over_of(search, found, shrinks, none)
     warnings += [left_over_sentence(left)] if left else []
-    warnings += noise.sentences()
-    warnings += remarks(search.day.constants, len(search.day.errors), MOST_WINDOWS)
+    warnings += [*noise.sentences(), *remarks(search.day.constants, len(search.day.errors), MOST_WINDOWS)]
     causes = {name: interval(h, i) for i, name in enumerate(h.names)}
     answer = Answer(
         case=case, verdict=found.verdict, causes=list(h.names) if named else [], posterior=found.probabilities,

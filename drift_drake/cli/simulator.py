@@ -11,7 +11,7 @@ from drift_drake.common.safe_files import try_outputs
 from drift_drake.common.standard_output import said_to, write_results
 
 MARKS = {"wrong": "!", "doubtful": "?", "good": " "}
-TO_BE_MENDED = 1  # exit code
+SOMETHING_WRONG = 1  # exit code
 
 
 @dataclasses.dataclass(frozen=True)
@@ -45,4 +45,4 @@ def run_simulator(command: CheckSimulator) -> int:
     print(f"{command.file}: {checked.wrong or 'nothing'} to be put right; a roll-out of 0.8 s takes "
           f"{1e3 * checked.seconds_per_rollout:.2g} ms", file=to)  # fmt: skip
     write_results(command.json, checked)
-    return TO_BE_MENDED if checked.wrong else 0
+    return SOMETHING_WRONG if checked.wrong else 0

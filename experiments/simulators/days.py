@@ -59,7 +59,7 @@ class SimulatorDays:
     none: int = 4
     """Days without an effect."""
     effort: float = 1.0
-    """Share of the steering and of the pushes of a full-size car's driver."""
+    """Share of the steering and of the torque of a full-size car's driver."""
     duration: float = 12.0
     """[s] of a run; one that spins ends early."""
 

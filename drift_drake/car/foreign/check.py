@@ -27,7 +27,7 @@ from drift_drake.common.arrays import Array
 
 ROW, ROWS = 0.01, 81  # [s] between rows of a trial, and how many
 SPEED = 2.5  # sqrt(g wheelbase), that a trial begins at: 12.7 m/s of a full-size car
-TURN, PUSH = 2.0, 1.5  # [m/s^2] that a trial's steering and torque would make
+TURN, THRUST = 2.0, 1.5  # [m/s^2] that a trial's steering and torque would make
 BODY = 0.15  # g, of a force on the body
 NAMED = {  # factors that a unit or a sign makes, in words
     180.0 / math.pi: "degrees for radians", math.pi / 180.0: "radians for degrees", 3.6: "km/h for m/s",
@@ -76,7 +76,7 @@ class _Trial:
         base = about.front_axle_distance + about.rear_axle_distance
         self.speed = SPEED * math.sqrt(about.gravity * base)
         self.steering = min(TURN * base / self.speed**2, 0.5 * about.steering_limit)
-        self.torque = PUSH * about.mass * about.wheel_radius / about.gear_ratio
+        self.torque = THRUST * about.mass * about.wheel_radius / about.gear_ratio
         self.force = BODY * about.mass * about.gravity
 
     @cached_property
@@ -282,8 +282,8 @@ def _parameters(trial: _Trial) -> list[Finding]:
             found = trial.roll(inputs, trial.constants._replace(values=tuple(values.values())))
             if not np.all(np.isfinite(found[:, :3])):
                 why = cost_of(s).why
-                out.append(Finding("wrong", f"with {name} of {value:.4g} it does not come through ({why}); mend it, or "
-                                   "give the parameter less room"))  # fmt: skip
+                out.append(Finding("wrong", f"with {name} of {value:.4g} it fails ({why}); fix it, or give the "
+                                   "parameter a smaller deviation"))  # fmt: skip
                 break
         else:
             if np.nanmax(np.abs(found - whole) / (np.nanmax(np.abs(whole), axis=0) + 1e-12)) < 1e-7:

@@ -52,7 +52,7 @@ MISTAKES = {
     "after the step": ("after_the_step", {}, r"output shows its start value|v shows its start value 1 rows late"),
     "random": ("random", {}, r"the same roll-out came out different .*: it draws random numbers, or keeps state"),
     "keeps state": ("keeps_state", {}, r"the same roll-out came out different"),
-    "raises": ("raises", {}, r"with m of 1740 it does not come through \(ValueError: the matrix is singular\)"),
+    "raises": ("raises", {}, r"with m of 1740 it fails \(ValueError: the matrix is singular\)"),
     "does nothing": ("nothing", {}, r"J changes nothing in a turn under power"),
 }  # fmt: skip
 

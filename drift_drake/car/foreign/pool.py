@@ -5,7 +5,8 @@ import concurrent.futures
 import dataclasses
 import os
 import threading
-from contextlib import ExitStack
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
 
 import numpy as np
 
@@ -16,7 +17,7 @@ from drift_drake.common.worker_pool import Submit, WorkerEndedError, worker_proc
 
 CHUNK = 16  # roll-outs of a job for one worker, at most, where they are not a batch
 SLACK = 2.0  # times the limits of a job's roll-outs, after which its worker is ended
-GIVEN_UP = 6  # workers that ended in roll-outs, from which on a simulator is given up
+GIVEN_UP = 40  # workers that ended in roll-outs, from which on a simulator is given up
 SMOOTHED = 0.2  # weight of the newest cost
 
 
@@ -43,6 +44,7 @@ class _Pool:
     """Worker processes, started for the first job and anew where one hangs."""
 
     def __init__(self) -> None:
+        self.listeners: list[Callable[[], None]] = []
         self._lock, self._stack = threading.Lock(), ExitStack()
         self._submit: Submit | None = None
         self._owner, self._ended = os.getpid(), 0
@@ -101,6 +103,16 @@ def cost_of(simulator: Simulator) -> Cost:
     return _POOL.cost.get(simulator.key, Cost())
 
 
+@contextmanager
+def listening(listener: Callable[[], None]) -> Iterator[None]:
+    """Has a function called whenever roll-outs have come back."""
+    _POOL.listeners.append(listener)
+    try:
+        yield
+    finally:
+        _POOL.listeners.remove(listener)
+
+
 def end_workers() -> None:
     """Ends the processes; the next roll-out starts them anew."""
     _POOL.end()
@@ -121,8 +133,11 @@ def roll_all(jobs: list[Job]) -> list[dict[str, np.ndarray]]:
     waiting = [(members, part, _POOL.submit(part)) for members in together.values()
                for part in _chunks(_joined([jobs[k] for k in members]))]  # fmt: skip
     found: list[list[dict[str, np.ndarray]]] = [[] for _ in jobs]
+    ended: dict[tuple[str, tuple[float, ...]], str] = {}
     for members, part, future in waiting:
-        found[members[0]].append(_answer(part, future))
+        found[members[0]].append(_answer(part, future, ended))
+    for listener in _POOL.listeners:
+        listener()
     out: list[dict[str, np.ndarray]] = [{} for _ in jobs]
     for members in together.values():
         ends = np.cumsum([_shape(jobs[k])[0] for k in members])[:-1]
@@ -148,9 +163,17 @@ def _joined(jobs: list[Job]) -> Job:
     return jobs[0]._replace(start=start, held=held, inputs=inputs)
 
 
-def _answer(part: Job, future: "concurrent.futures.Future[Rolled]") -> dict[str, np.ndarray]:
+def _answer(
+    part: Job, future: "concurrent.futures.Future[Rolled]", ended: dict[tuple[str, tuple[float, ...]], str]
+) -> dict[str, np.ndarray]:
+    """Outputs of a part of a job; ended: parameters with which a process has ended twice, and how, which ends all of
+    their parts."""
     count, rows = _shape(part)
+    parameters = part.key, tuple(part.parameters.values())
     for attempt in range(2):
+        if parameters in ended:
+            future.cancel()
+            break
         try:
             rolled = future.result(2.0 * STARTED + SLACK * part.limit * count)
         except TimeoutError:
@@ -164,7 +187,9 @@ def _answer(part: Job, future: "concurrent.futures.Future[Rolled]") -> dict[str,
         _POOL.lose(part.target)
         if attempt == 0:
             future = _POOL.submit(part)
-    _POOL.note(part.key, count, 0.0, (why,) * count)
+        else:
+            ended[parameters] = why
+    _POOL.note(part.key, count, 0.0, (ended[parameters],) * count)
     return {name: np.full((count, rows), np.nan) for name in part.outputs}
 
 

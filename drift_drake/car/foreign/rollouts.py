@@ -72,8 +72,8 @@ def roll(job: Job) -> Rolled:
             runner = loaded(job.kind, job.target, job.folder, job.set_state, tuple(job.parameters.items()))
         except SimulatorError:
             raise
-        except Exception as error:
-            raise SimulatorError(f"{job.target}: cannot be loaded ({_said(error)})") from None
+        except Exception as error:  # of parameters that it does not take
+            return Rolled(out, (f"it cannot be made with these parameters ({_said(error)})",) * count, 0.0)
         _warm_up(runner, job)
         began = time.perf_counter()
         slices: list[Any] = [slice(None)] if job.batch else list(range(count))

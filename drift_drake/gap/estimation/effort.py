@@ -1,16 +1,20 @@
 """How much is asked of a simulator of the user's that is slow: fewer windows, and derivatives that are used longer."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 
 from drift_drake.car.effects.magnitudes import Effects
 from drift_drake.car.equations import CarConstants
-from drift_drake.car.foreign.pool import cost_of, workers_here
+from drift_drake.car.foreign.pool import cost_of, listening, workers_here
 from drift_drake.car.foreign.simulator import SimulatorConstants
+from drift_drake.common.errors import significant
+from drift_drake.common.standard_output import Progress
 from drift_drake.gap.estimation.windows import WindowedRun, errors, thinned
 
 EVALUATION = 0.4  # [s] that the predictions of all windows by one car may take, about
 LEAST_WINDOWS = 100
 SLOW = 1e-3  # [s] of a roll-out, from where on derivatives are used at cars near by too
+SHOWN = 0.15  # share done from where on it is said how much is left
 PROBED = 8  # windows a worker, that a simulator's cost is taken from
 PROBED_AT_ONCE = 100  # the same where it answers many at once
 
@@ -41,6 +45,27 @@ def is_slow(constants: CarConstants) -> bool:
     if not isinstance(constants, SimulatorConstants):
         return False
     return bool(constants.simulator.windows) or cost_of(constants.simulator).seconds > SLOW
+
+
+@contextmanager
+def counted(progress: Progress, constants: CarConstants) -> Iterator[Progress]:
+    """The progress with the roll-outs that a simulator has done, and that are left, about; as it is for other cars."""
+    if not isinstance(constants, SimulatorConstants):
+        yield progress
+        return
+    simulator, began, last = constants.simulator, cost_of(constants.simulator).count, [("", 0.0)]
+
+    def show(stage: str, share: float) -> None:
+        last[0] = stage, share
+        again()
+
+    def again() -> None:
+        done, (stage, share) = cost_of(simulator).count - began, last[0]
+        left = f", some {significant(done / share - done, 1)} left" if share > SHOWN else ""
+        progress(f"{stage}: {done} roll-outs{left}", share)
+
+    with listening(again):
+        yield show
 
 
 def remarks(constants: CarConstants, used: int, of: int) -> list[str]:

@@ -21,6 +21,7 @@ from drift_drake.car.log.table import InvalidLogError, Run, read_case, stated_no
 from drift_drake.car.parameters import CarParameters, InvalidVehicleError, VehicleParameters
 from drift_drake.common.standard_output import Progress
 from drift_drake.gap.estimation.admitted import admit
+from drift_drake.gap.estimation.effort import counted
 from drift_drake.gap.estimation.unknowns import OWN
 from drift_drake.gap.estimation.usable import part_of, seen_effects
 from drift_drake.gap.estimation.windows import stride_of, windowed
@@ -239,7 +240,8 @@ def by_prediction(runs: Sequence[Run], asked: Asked, double: bool, tell: Progres
     candidates = [name for name in further if name in seen and name not in OWN]
     stated = asked.tolerances | frozenset(asked.known)
     windows = [windowed(run, run.filled, stride_of(asked.vehicle)) for run in runs]
-    return fit_by_prediction(windows, first, asked.effects, own, candidates, stated, seen, tell)
+    with counted(tell, first.constants()) as shown:
+        return fit_by_prediction(windows, first, asked.effects, own, candidates, stated, seen, shown)
 
 
 class Days(NamedTuple):

@@ -66,7 +66,7 @@ MISTAKES = {
     "no element": ({"outputs": OF_STATE | {"r": "state[9]"}}, r"output port state has 6 numbers, and none at 9"),
     "no state": ({"set_state": ""}, r"start value \w+ is no state; give continuous\[i\] or discrete\[i\]"),
     "no parameter": ({"parameters": {"weight": 1.0}, "meaning": {}, "unknown": {}}, r"unexpected keyword argument"),
-    "no system": ({"drake": "drake_car:set_state"}, r"cannot be loaded|returned NoneType, no Drake System"),
+    "no system": ({"drake": "drake_car:set_state"}, r"cannot be made with these parameters|no Drake System"),
 }  # fmt: skip
 
 

@@ -13,7 +13,7 @@ from drift_drake.car.foreign.pool import cost_of, end_workers
 from drift_drake.car.foreign.rollouts import SimulatorError
 from drift_drake.car.log.table import Run
 from drift_drake.car.parameters import VehicleParameters
-from drift_drake.gap.estimation.effort import affordable
+from drift_drake.gap.estimation.effort import affordable, counted
 from drift_drake.gap.estimation.windows import WindowedRun, errors, windowed
 from tests.car.foreign.bicycle import PARAMETERS as PARAMETERS_OF_BICYCLE
 from tests.car.foreign.bicycle import simulate, straight_on, written
@@ -146,6 +146,20 @@ def test_a_lead_in_lets_what_cannot_be_set_settle(tmp_path: Path) -> None:
                      0.32 * found["w"])  # fmt: skip
     near, far = (np.sqrt(np.mean(errors(own, car.constants(), Effects())[..., [0, 2]] ** 2)) for car in (led, rest))
     assert near < 0.4 * far
+
+
+def test_progress_counts_roll_outs(tmp_path: Path, runs) -> None:
+    car, _ = read_car(written(tmp_path))
+    said: list[str] = []
+    with counted(lambda stage, _share: said.append(stage), car.constants()) as tell:
+        tell("one", 0.0)
+        errors(runs, car.constants(), Effects())
+        tell("two", 0.5)
+    count = len(runs[0].starts)
+    assert said == ["one: 0 roll-outs", f"one: {count} roll-outs", f"two: {count} roll-outs, some {count:.1g} left"]
+    with counted(lambda stage, _share: said.append(stage), VehicleParameters().constants()) as tell:
+        tell("three", 0.5)
+    assert said[-1] == "three"
 
 
 def test_a_daemon_may_ask_for_roll_outs(tmp_path: Path) -> None:

@@ -29,7 +29,7 @@ from drift_drake.gap.diagnosis.calibrated.posterior import (
     tells_from_zero,
 )
 from drift_drake.gap.estimation.admitted import admit
-from drift_drake.gap.estimation.effort import affordable, remarks
+from drift_drake.gap.estimation.effort import affordable, counted, remarks
 from drift_drake.gap.estimation.noise_levels import changed
 from drift_drake.gap.estimation.normal import Normal
 from drift_drake.gap.estimation.prior import Interval
@@ -91,7 +91,8 @@ def diagnose_change(
     names, more = seen_effects(runs, [name for name in normal.names if name in catalogue])
     tell("errors and their derivatives", 0.0)
     search = search_of(runs, vehicle, normal, own, names, case, workers)
-    none, others = hypotheses_of(search, tell)
+    with counted(tell, vehicle.constants()) as shown:
+        none, others = hypotheses_of(search, shown)
     tell("how far it shrinks", 0.8)
     noise = changed(normal.noise, search.day.runs)
     found, shrinks = ranked_hypotheses(search, none, others, constants, false_alarms, noise.log_evidence)
@@ -107,8 +108,11 @@ def diagnose_change(
     if named:
         warnings += [unseen_sentence(name, q) for name, q in h.additional.items()]
     left = left_over_of(search, found, shrinks, none)
-    warnings += [left_over_sentence(left)] if left else []
-    warnings += [*noise.sentences(), *remarks(search.day.constants, len(search.day.errors), MOST_WINDOWS)]
+    warnings += [
+        *([left_over_sentence(left)] if left else []),
+        *noise.sentences(),
+        *remarks(search.day.constants, len(search.day.errors), MOST_WINDOWS),
+    ]
     causes = {name: interval(h, i) for i, name in enumerate(h.names)}
     answer = Answer(
         case=case, verdict=found.verdict, causes=list(h.names) if named else [], posterior=found.probabilities,

@@ -97,22 +97,17 @@ def diagnose_change(
     noise = changed(normal.noise, search.day.runs)
     found, shrinks = ranked_hypotheses(search, none, others, constants, false_alarms, noise.log_evidence)
     if found.verdict == UNKNOWN and not doubts and gross(search, none) > GROSS:
-        found, shrinks = judged_by_errors(
-            search, constants, lambda share: tell("a gap far beyond normal", 0.8 + 0.1 * share)
-        )
+        far = "a gap far beyond normal"
+        found, shrinks = judged_by_errors(search, constants, lambda share: tell(far, 0.8 + 0.1 * share))
         warnings.append(FAR_BEYOND)
     tell("what these logs can show", 0.9)
     limits = detection_limits(search, search.curves)
     h = found.leading
     named = found.verdict == "effect"
-    if named:
-        warnings += [unseen_sentence(name, q) for name, q in h.additional.items()]
     left = left_over_of(search, found, shrinks, none)
-    warnings += [
-        *([left_over_sentence(left)] if left else []),
-        *noise.sentences(),
-        *remarks(search.day.constants, len(search.day.errors), MOST_WINDOWS),
-    ]
+    warnings += [unseen_sentence(name, q) for name, q in h.additional.items() if named]
+    warnings += [left_over_sentence(left)] if left else []
+    warnings += [*noise.sentences(), *remarks(search.day.constants, len(search.day.errors), MOST_WINDOWS)]
     causes = {name: interval(h, i) for i, name in enumerate(h.names)}
     answer = Answer(
         case=case, verdict=found.verdict, causes=list(h.names) if named else [], posterior=found.probabilities,

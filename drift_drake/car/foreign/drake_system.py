@@ -21,21 +21,31 @@ class DrakeSystem:
     `continuous[i]` or `discrete[i]`, unless a function `set_state(system, context, start)` sets it.
     """
 
-    def __init__(
-        self, make: Callable[..., Any], set_state: Callable[..., Any] | None, parameters: dict[str, float]
-    ) -> None:
+    def __init__(self, make: Callable[..., Any], set_state: Callable[..., Any] | None) -> None:
+        self._make, self._set_state = make, set_state
+        self._of: tuple[float, ...] | None = None  # parameters of the system that there is
+
+    def _build(self, parameters: Mapping[str, float]) -> None:
         from pydrake.systems.analysis import Simulator
         from pydrake.systems.framework import System
 
-        self._system = make(**parameters)
+        self._of = None
+        try:
+            self._system = self._make(**parameters)
+        except Exception as error:  # of any class that a user's code raises
+            raise SimulatorError(
+                f"it cannot be made with these parameters ({type(error).__name__}: {one_line(error)})"
+            ) from None
         if not isinstance(self._system, System):
             raise SimulatorError(f"its function returned {type(self._system).__name__}, no Drake System")
-        self._set_state = set_state
         self._simulator = Simulator(self._system)
         self._context = self._simulator.get_mutable_context()
+        self._of = tuple(parameters.values())
 
     def roll(self, start: Mapping[str, Any], held: Mapping[str, Array], inputs: Mapping[str, Array], dt: float,
-             outputs: tuple[str, ...]) -> Mapping[str, Any]:  # fmt: skip
+             outputs: tuple[str, ...], parameters: Mapping[str, float]) -> Mapping[str, Any]:  # fmt: skip
+        if self._of != tuple(parameters.values()):
+            self._build(parameters)
         rows = len(next(iter(inputs.values())))
         self._system.SetDefaultContext(self._context)
         self._context.SetTime(0.0)

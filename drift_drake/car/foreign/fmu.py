@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -14,13 +15,13 @@ from drift_drake.common.errors import one_line
 class Fmu:
     """One instance, reset for each roll-out. Names are those of its model description."""
 
-    def __init__(self, path: str, parameters: dict[str, float]) -> None:
+    def __init__(self, path: str) -> None:
         try:
             import fmpy
             from fmpy.simulation import instantiate_fmu
         except ImportError:
             raise SimulatorError(f'{path}: fmpy is missing; install it with pip install "drift_drake[fmu]"') from None
-        self._fmpy, self._parameters = fmpy, parameters
+        self._fmpy, self._path = fmpy, path
         if not Path(path).is_file():
             raise SimulatorError(f"{path}: there is no such FMU; correct fmu:")
         try:
@@ -35,13 +36,15 @@ class Fmu:
             )
         self._kind = "CoSimulation" if self._description.coSimulation is not None else "ModelExchange"
         self._names = {variable.name for variable in self._description.modelVariables}
-        self._check(parameters, "parameter")
-        self._folder = fmpy.extract(path)
-        self._instance = instantiate_fmu(self._folder, self._description, fmi_type=self._kind)
+        self._folder = TemporaryDirectory(prefix="fmu_")  # removed with this object
+        fmpy.extract(path, self._folder.name)
+        self._instance = instantiate_fmu(self._folder.name, self._description, fmi_type=self._kind)
 
     def roll(self, start: Mapping[str, Any], held: Mapping[str, Array], inputs: Mapping[str, Array], dt: float,  # noqa: ARG002
-             outputs: tuple[str, ...]) -> Mapping[str, Any]:  # fmt: skip
-        for names, what in ((start, "start value"), (inputs, "input"), (outputs, "output")):
+             outputs: tuple[str, ...], parameters: Mapping[str, float]) -> Mapping[str, Any]:  # fmt: skip
+        for names, what in (
+            (start, "start value"), (inputs, "input"), (outputs, "output"), (parameters, "parameter"),
+        ):  # fmt: skip
             self._check(names, what)
         rows = len(next(iter(inputs.values())))
         table = np.zeros(rows, dtype=[("time", float), *((name, float) for name in inputs)])
@@ -49,10 +52,10 @@ class Fmu:
         table["time"] = dt * (np.arange(rows) - (0.5 if self._kind == "CoSimulation" else 0.0))
         for name, values in inputs.items():
             table[name] = values
-        given = {name: float(value) for name, value in start.items()} | self._parameters
+        given = {name: float(value) for name, value in start.items()} | dict(parameters)
         try:
             found = self._fmpy.simulate_fmu(
-                self._folder, validate=False, start_time=0.0, stop_time=dt * (rows - 1), output_interval=dt,
+                self._folder.name, validate=False, start_time=0.0, stop_time=dt * (rows - 1), output_interval=dt,
                 step_size=dt, start_values=given, input=table, output=list(outputs), fmi_type=self._kind,
                 model_description=self._description, fmu_instance=self._instance, set_stop_time=False,
             )  # fmt: skip
@@ -67,4 +70,6 @@ class Fmu:
     def _check(self, names: Any, what: str) -> None:
         for name in names:
             if name not in self._names:
-                raise SimulatorError(f"the FMU has no variable {name}, which is named as {what}; it is misspelt there")
+                raise SimulatorError(
+                    f"{self._path}: the FMU has no variable {name}, which the file names as {what}; correct it"
+                )

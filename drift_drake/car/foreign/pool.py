@@ -6,7 +6,7 @@ import dataclasses
 import os
 import threading
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 
 import numpy as np
 
@@ -57,19 +57,17 @@ class _Pool:
                 atexit.register(self.end)
             return self._submit(roll, job)
 
-    def end(self) -> None:
-        """Ends all processes at once."""
+    def end(self, at_once: bool = False) -> None:
+        """Ends all processes, by themselves or at once."""
         with self._lock:
             if self._submit is None or os.getpid() != self._owner:
                 return
             self._submit = None
             atexit.unregister(self.end)
             stack, self._stack = self._stack, ExitStack()
-        try:
-            with stack:
+        with suppress(_EndedError), stack:
+            if at_once:
                 raise _EndedError
-        except _EndedError:
-            pass
 
     def lose(self, target: str) -> None:
         """Counts a worker that ended, or was ended, within a roll-out."""
@@ -178,7 +176,7 @@ def _answer(
             rolled = future.result(2.0 * STARTED + SLACK * part.limit * count)
         except TimeoutError:
             why = f"a roll-out took longer than {part.limit:g} s (limit:) and its process was ended"
-            _POOL.end()
+            _POOL.end(at_once=True)
         except (WorkerEndedError, concurrent.futures.CancelledError) as error:
             why = f"its process ended in a roll-out ({error})" if isinstance(error, WorkerEndedError) else "broken off"
         else:

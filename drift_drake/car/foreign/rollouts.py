@@ -51,10 +51,10 @@ class Rolled(NamedTuple):
 
 
 class Runner(Protocol):
-    """A simulator that is loaded, with its parameters set."""
+    """A simulator that is loaded."""
 
     def roll(self, start: Mapping[str, Any], held: Mapping[str, Array], inputs: Mapping[str, Array], dt: float,
-             outputs: tuple[str, ...]) -> Mapping[str, Any]:  # fmt: skip
+             outputs: tuple[str, ...], parameters: Mapping[str, float]) -> Mapping[str, Any]:  # fmt: skip
         """Outputs [steps + 1] by name from a start, under inputs [steps + 1]; `held`: start values [lead + 1]."""
 
 
@@ -62,18 +62,13 @@ def roll(job: Job) -> Rolled:
     """Answers a job in this process.
 
     Raises:
-        SimulatorError: the simulator cannot be loaded with these parameters.
+        SimulatorError: the simulator cannot be loaded.
     """
     count, rows = next(iter(job.inputs.values())).shape
     out = {name: np.full((count, rows), np.nan) for name in job.outputs}
     failures: list[str] = []
     with contextlib.redirect_stdout(io.StringIO()), np.errstate(all="ignore"):
-        try:
-            runner = loaded(job.kind, job.target, job.folder, job.set_state, tuple(job.parameters.items()))
-        except SimulatorError:
-            raise
-        except Exception as error:  # of parameters that it does not take
-            return Rolled(out, (f"it cannot be made with these parameters ({_said(error)})",) * count, 0.0)
+        runner = loaded(job.kind, job.target, job.folder, job.set_state)
         _warm_up(runner, job)
         began = time.perf_counter()
         slices: list[Any] = [slice(None)] if job.batch else list(range(count))
@@ -96,7 +91,7 @@ def _rolled(runner: Runner, job: Job, at: Any) -> Mapping[str, Any]:
     """Some roll-outs of a job."""
     start, held, inputs = ({name: values[at] for name, values in part.items()}
                            for part in (job.start, job.held, job.inputs))  # fmt: skip
-    return runner.roll(start, held, inputs, job.dt, job.outputs)
+    return runner.roll(start, held, inputs, job.dt, job.outputs, job.parameters)
 
 
 def _warm_up(runner: Runner, job: Job) -> None:
@@ -125,29 +120,28 @@ _WARM: set[str] = set()
 
 
 @lru_cache(maxsize=2)
-def loaded(kind: Kind, target: str, folder: str, set_state: str, parameters: tuple[tuple[str, float], ...]) -> Runner:
-    """The simulator with its parameters set; the last ones are kept."""
-    values = dict(parameters)
+def loaded(kind: Kind, target: str, folder: str, set_state: str) -> Runner:
+    """The simulator; the last ones are kept."""
     if kind == "fmu":
         from drift_drake.car.foreign.fmu import Fmu
 
-        return Fmu(target, values)
+        return Fmu(target)
     if kind == "drake":
         from drift_drake.car.foreign.drake_system import DrakeSystem
 
-        return DrakeSystem(function_of(target, folder), function_of(set_state, folder) if set_state else None, values)
-    return _Python(function_of(target, folder), values)
+        return DrakeSystem(function_of(target, folder), function_of(set_state, folder) if set_state else None)
+    return _Python(function_of(target, folder))
 
 
 class _Python:
     """A function `(start, inputs, dt, parameters) -> outputs`."""
 
-    def __init__(self, function: Callable[..., Any], parameters: dict[str, float]) -> None:
-        self._function, self._parameters = function, parameters
+    def __init__(self, function: Callable[..., Any]) -> None:
+        self._function = function
 
     def roll(self, start: Mapping[str, Any], held: Mapping[str, Array], inputs: Mapping[str, Array], dt: float,  # noqa: ARG002
-             outputs: tuple[str, ...]) -> Mapping[str, Any]:  # noqa: ARG002  # fmt: skip
-        return self._function(dict(start), dict(inputs), dt, dict(self._parameters))  # type: ignore[no-any-return]
+             outputs: tuple[str, ...], parameters: Mapping[str, float]) -> Mapping[str, Any]:  # noqa: ARG002  # fmt: skip
+        return self._function(dict(start), dict(inputs), dt, dict(parameters))  # type: ignore[no-any-return]
 
 
 @lru_cache(maxsize=8)

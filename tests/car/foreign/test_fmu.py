@@ -85,8 +85,16 @@ def test_what_is_wrong_with_an_fmu_is_one_sentence(fmu: Path, tmp_path: Path) ->
         (tmp_path / "missing.fmu", {}, r"missing\.fmu: there is no such FMU; correct fmu:"),
         (tmp_path / "none.fmu", {}, r"none\.fmu: is no FMU 2\.0 or 3\.0 that can be read"),
         (tmp_path / "windows.fmu", {}, r"windows\.fmu: is built for win64, not for .*; export it for this platform"),
-        (fmu, {"parameters": VALUES | {"mas": 1.0}}, r"the FMU has no variable mas, which is named as parameter"),
-        (fmu, {"outputs": DESCRIBED["outputs"] | {"psi": "yaw"}}, r"no variable yaw, which is named as output"),
+        (
+            fmu,
+            {"parameters": VALUES | {"mas": 1.0}},
+            r"the FMU has no variable mas, which the file names as",
+        ),
+        (
+            fmu,
+            {"outputs": DESCRIBED["outputs"] | {"psi": "yaw"}},
+            r"no variable yaw, which the file names as output",
+        ),
     ):
         with pytest.raises(SimulatorError, match=said):
             check_simulator(car_of(tmp_path, path, **changes))

@@ -95,7 +95,8 @@ def test_check_says_what_logs_would_show(calibrated: Path, capsys: pytest.Captur
                  str(calibrated / "found.json")]) == 0  # fmt: skip
     said = capsys.readouterr().out
     assert "mass_error" in said
-    assert "tyre_thermal_fade" not in said
+    assert main(["check", str(calibrated / "one"), "--vehicle", str(calibrated / "found.yaml")]) == 0
+    assert "! not judged, since the simulator cannot have it: sliding_friction_drop" in capsys.readouterr().out
 
 
 def test_what_has_no_equations_is_refused_in_a_sentence(calibrated: Path, capsys: pytest.CaptureFixture[str]) -> None:

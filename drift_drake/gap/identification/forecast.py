@@ -16,6 +16,7 @@ from drift_drake.car.equations import kind_of
 from drift_drake.car.log.table import Run
 from drift_drake.car.parameters import CarParameters
 from drift_drake.gap.estimation.baseline import left_of
+from drift_drake.gap.estimation.effort import affordable
 from drift_drake.gap.estimation.learn_normal import learn_normal
 from drift_drake.gap.estimation.robust_fit import robust_scales
 from drift_drake.gap.estimation.scores import Day, between_recordings, huber_weights, make_day, units
@@ -51,7 +52,8 @@ def forecast(
     windows = [windowed(run, run.filled, stride_of(vehicle)) for run in runs]
     steps = units(seen, vehicle)
     prior = np.array([prior_of(name, vehicle, stated | frozenset(known)) for name in seen]) / steps
-    day = make_day(thinned(windows, MOST_WINDOWS), car.constants(), effects, seen, steps)
+    most = affordable(car.constants(), windows, MOST_WINDOWS)
+    day = make_day(thinned(windows, most), car.constants(), effects, seen, steps)
     day = linearly_calibrated(day, prior)
     between = between_recordings(seen, vehicle) / steps
     own = [name for name in OWN if name in seen and CATALOGUE[name].tolerance not in known]

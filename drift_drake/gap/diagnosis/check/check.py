@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from drift_drake.car.effects.catalogue import CATALOGUE
+from drift_drake.car.foreign.simulator_car import SimulatorCar
 from drift_drake.car.given_vehicle import Vehicle, single_track_of, vehicle_given
 from drift_drake.car.log.given import GivenLogs, Logs, logs_given
 from drift_drake.common.errors import InvalidOptionError
@@ -102,7 +103,10 @@ def _with_vehicle(
         return dataclasses.replace(checked, for_calibration=for_calibration(kept, whole, own, tolerances))
     unit = CarTrust(1.0, 1.0, 1.0, None)
     trust = unit if calibration is None else trust_given(calibration, tuple(CATALOGUE))
-    if trust.normal is not None:
+    detection: dict[str, dict[str, Any]] = {}
+    if isinstance(whole, SimulatorCar) and trust.normal is None:  # without a calibration there is no limit
+        more = [f"not judged, since the simulator cannot have it: {one}" for one in whole.simulator.left_out()]
+    elif trust.normal is not None:
         detection, more = limits_by_prediction(kept, whole, trust.normal, own, checked.case, workers)
     else:
         detection, more = limits_by_filter(kept, single_track_of(whole), own, given.noise, trust.options())

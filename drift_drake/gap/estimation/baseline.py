@@ -9,7 +9,7 @@ scale of n is the car's own: recordings are left out of the baseline in turn and
 others predict, together with what is known of other cars.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -139,11 +139,12 @@ class Scatter:
     inverse: np.ndarray  # of the covariance [m, m]
     information: np.ndarray  # of the day: what a unit of each effect takes off the scores [m, m]
 
-    def weight(self, apart: float = 0.0) -> np.ndarray:
-        """The inverse covariance [m, m] once each score scatters by a further share `apart` of its variance, alone."""
-        if apart == 0.0:
-            return self.inverse
-        return np.asarray(np.linalg.inv(self.covariance + apart * np.diag(np.diag(self.covariance))))
+    def apart(self, share: float) -> "Scatter":
+        """The same once each score scatters by a further share of its variance, alone."""
+        if share == 0.0:
+            return self
+        covariance = self.covariance + share * np.diag(np.diag(self.covariance))
+        return replace(self, covariance=covariance, inverse=np.linalg.inv(covariance))
 
 
 def predicted(stretches: Stretches, known: Known, model: Spread, scale: float = 1.0) -> Scatter:

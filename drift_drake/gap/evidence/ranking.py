@@ -65,12 +65,30 @@ def ranked(
         if h.names and h.left_over is not None:
             both = value + np.log(ELSE) + with_noise(h.left_over.gain, noise) / warm
             values[name + TOO] = max(both, values.get(name + TOO, -np.inf))
+    alone, with_more = dict[str, float](), dict[str, float]()
+    for name, h in best.items():
+        if h.among is not None and len(h.names) == 1 and not h.beside:
+            alone[name] = h.among.log_evidence / warm + prior(h, catalogue, constants)
+            with_more[name + TOO] = alone[name] + with_noise(h.among.gain, noise) / warm
+    values |= shared_out(values, alone) | shared_out(values, with_more)
     none = best[NONE]
     if none.left_over is not None:
         values[UNKNOWN] = (none.log_evidence + with_noise(none.left_over.gain, noise)) / warm + float(
             np.log(constants.prior_unknown)
         )
     return concluded_from(values, list(best.values()), doubt, false_alarms)
+
+
+def shared_out(values: Mapping[str, float], among: Mapping[str, float]) -> dict[str, float]:
+    """Log posteriors by name of causes that keep what they hold together and share it as log posteriors `among` say.
+
+    That there is a gap is one question, and which of them it is another: a gap's shape is not exact in equations that
+    do not follow the car, and the more there is of it the further off it may be.
+    """
+    if not among:
+        return {}
+    total = np.logaddexp.reduce([values[name] for name in among]) - np.logaddexp.reduce(list(among.values()))
+    return {name: float(value + total) for name, value in among.items()}
 
 
 def prior(h: Hypothesis, catalogue: int, constants: PosteriorConstants) -> float:

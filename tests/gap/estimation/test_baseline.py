@@ -182,8 +182,9 @@ def test_a_longer_day_scatters_more(other_car, day):
 
 def test_a_share_that_scores_scatter_by_alone_is_added_to_their_variances():
     scatter = Scatter(np.zeros(2), np.array([[1.0, 0.9], [0.9, 1.0]]), np.zeros((2, 2)), np.eye(2))
-    np.testing.assert_allclose(np.linalg.inv(scatter.weight(0.5)), [[1.5, 0.9], [0.9, 1.5]])
-    assert scatter.weight() is scatter.inverse
+    np.testing.assert_allclose(scatter.apart(0.5).covariance, [[1.5, 0.9], [0.9, 1.5]])
+    np.testing.assert_allclose(np.linalg.inv(scatter.apart(0.5).inverse), [[1.5, 0.9], [0.9, 1.5]])
+    assert scatter.apart(0.0) is scatter
 
 
 def test_tyres_and_body_are_worth_otherwise_on_other_drives_and_sensors_are_not():

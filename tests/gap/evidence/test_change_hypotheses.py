@@ -20,6 +20,7 @@ from drift_drake.gap.diagnosis.calibrated.posterior import (
 )
 from drift_drake.gap.evidence.constants import ELSE, OF_SCATTER, PRIORS, STANDS_FOR
 from drift_drake.gap.evidence.hypotheses import (
+    Among,
     Curve,
     Hypothesis,
     Search,
@@ -30,7 +31,7 @@ from drift_drake.gap.evidence.hypotheses import (
 )
 from drift_drake.gap.evidence.left_over import LeftOver
 from drift_drake.gap.evidence.ranges import NO_GAP, REACH, Range, at_end, clipped, farther, range_of
-from drift_drake.gap.evidence.ranking import ranked, threshold
+from drift_drake.gap.evidence.ranking import TOO, ranked, shared_out, threshold
 
 CAR = VehicleParameters()
 NONE = Hypothesis((), np.zeros(0), np.zeros((0, 0)), 50.0, -50.0, scores=20)
@@ -259,6 +260,29 @@ def test_rivals_leave_the_cause_open():
     two = [single("mass_error", 0.1, 0.01, nats=1.0), single("torque_gain_error", 0.1, 0.01, nats=1.4)]
     assert ranked([NONE, *two], 28, PRIORS).decision == "cause_open"
     assert ranked([NONE, two[0]], 28, PRIORS).decision == "cause"
+
+
+def test_which_cause_it_is_is_less_certain_than_that_there_is_one():
+    two = [single("mass_error", 0.1, 0.01, nats=31.0, gain=-3.0),
+           single("torque_gain_error", 0.1, 0.01, nats=36.0, gain=-1.0)]  # fmt: skip
+    alike = [dataclasses.replace(h, among=Among(-12.0 - i, -3.0)) for i, h in enumerate(two)]
+    sure, unsure = (ranked([NONE, *some], 28, PRIORS) for some in (two, alike))
+    assert (sure.decision, unsure.decision) == ("cause", "cause_open")
+    assert unsure.probabilities["none"] == pytest.approx(sure.probabilities["none"])
+    odds = unsure.probabilities["mass_error"] / unsure.probabilities["torque_gain_error"]
+    priors = np.log(CATALOGUE["mass_error"].daily / CATALOGUE["torque_gain_error"].daily)
+    assert np.log(odds) == pytest.approx(1.0 / PRIORS.temperature + priors)
+    too = [sum(p for name, p in found.probabilities.items() if name.endswith(TOO)) for found in (sure, unsure)]
+    assert too[0] == pytest.approx(too[1])
+
+
+def test_what_causes_hold_together_stays_theirs():
+    values = {"none": -9.0, "a": -2.0, "b": -7.0, "c": -5.0}
+    shared = values | shared_out(values, {"a": 1.0, "b": 0.0})
+    assert np.logaddexp(shared["a"], shared["b"]) == pytest.approx(np.logaddexp(-2.0, -7.0))
+    assert shared["a"] - shared["b"] == pytest.approx(1.0)
+    assert (shared["none"], shared["c"]) == (-9.0, -5.0)
+    assert shared_out(values, {}) == {}
 
 
 def test_fewer_false_alarms_are_more_often_undecided():

@@ -10,6 +10,7 @@ from drift_drake.car.effects.catalogue import CATALOGUE
 from drift_drake.common.errors import DriftDrakeError, shown, significant
 from drift_drake.common.plain_files import named_number, parse_json, read_text
 from drift_drake.common.safe_files import write_text
+from drift_drake.gap.diagnosis.answers.rivals import in_words, tells_apart
 from drift_drake.gap.estimation.prior import Interval
 
 NAMED = 0.1  # probability from which a rival is named
@@ -103,7 +104,8 @@ class Answer:
                  for i, name in enumerate(others[:RIVALS])]  # fmt: skip
         more = [f"one of {len(others) - RIVALS} others"] if len(others) > RIVALS else []
         may_be = ", or ".join(parts + more)
-        return f"{more_too} It may be {may_be} instead: 'drift-drake plan-next' plans a drive that would tell."
+        plan = "'drift-drake plan-next' plans a drive that would tell."
+        return f"{more_too} It may be {may_be} instead: {plan}{tells_apart(leading, others)}"
 
     def _shown_from(self, name: str) -> str:
         """From which magnitude on these logs would have shown an effect."""
@@ -171,14 +173,6 @@ class Answer:
         far = {name: n for name, n in self.tolerances.items() if abs(n) > IMPLAUSIBLE}
         worst = sorted(far, key=lambda name: -abs(far[name]))[:MOST_STRETCHED]
         return f" with {' and '.join(f'{name} {far[name]:+.0f}' for name in worst)} tolerances off" if worst else ""
-
-
-def in_words(name: str) -> str:
-    """A hypothesis' name as a sentence has it."""
-    causes = name.split("+")
-    if len(causes) > 1 and causes[-1] == "unknown":
-        return f"{' and '.join(causes[:-1])} with an additional fault"
-    return " and ".join(causes)
 
 
 def answer_row(answer: Answer) -> dict[str, Any]:

@@ -17,8 +17,8 @@ from drift_drake.gap.estimation.normal import LOST, WORST, Normal
 from drift_drake.gap.estimation.reduction import FOLDS, NOTHING_REMOVED, STATES, Reduction, reduction_of
 from drift_drake.gap.estimation.scores import Day, make_day
 from drift_drake.gap.estimation.unknowns import added
-from drift_drake.gap.evidence.hypotheses import Hypothesis, Search, added_up, concluded
-from drift_drake.gap.evidence.left_over import LeftOver
+from drift_drake.gap.evidence.hypotheses import Among, Hypothesis, Search, added_up, concluded
+from drift_drake.gap.evidence.left_over import LeftOver, left_over
 from drift_drake.gap.evidence.ranges import clipped
 from drift_drake.gap.evidence.where import onsets, region_of, regions, shares
 
@@ -29,9 +29,10 @@ STEP = 0.05  # of the reach, for derivatives of the scores
 SINGULAR = 1e12  # condition of the second derivatives, beyond which the logs do not show the magnitudes apart
 HOPELESS = 40.0  # nats behind the best hypothesis, from where on none is led further
 APART = 0.1
-"""Share of a score's variance that it scatters by alone where magnitudes are stated (validation days). Between effects
-that act alike the scores' contrasts are small, so that they decide which effect it is; but what the equations lack is
-large in them, and a magnitude that follows them is off."""
+"""Share of a score's variance that it scatters by alone where magnitudes are stated and causes are told from each other
+(validation days). Between effects that act alike the scores' contrasts are small, but what the equations lack is large
+in them: the rim's slip of another tyre tells drivetrain friction from rolling resistance no better than a few tenths of
+a standard deviation of each score."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -41,6 +42,7 @@ class At:
     q: np.ndarray  # [k]
     nats: float  # half the squared distance of the scores from normal
     covariance: np.ndarray  # [k, k]
+    apart: tuple[float, np.ndarray, float]  # nats, covariance and gain of `left_over` where scores scatter by `APART`
     step: np.ndarray  # [k] of Gauss and Newton
     left_over: LeftOver
 
@@ -66,8 +68,11 @@ def judged(search: Search, hypotheses: Sequence[Hypothesis]) -> list[Hypothesis]
         at = _led(search, whole, limit, 0.0)
         if at is not None:
             ranges = [search.ranges[name] for name in whole.names]
+            nats, covariance, gain = at.apart
+            among = concluded(whole.names, at.q, covariance, nats, ranges, h.follows_load).log_evidence
             evidence = concluded(whole.names, at.q, at.covariance, at.nats, ranges, h.follows_load).log_evidence
-            out.append(dataclasses.replace(_moved(h, at), nats=at.nats, log_evidence=evidence, left_over=at.left_over))
+            out.append(dataclasses.replace(_moved(h, at), nats=at.nats, log_evidence=evidence,
+                                           among=Among(among, gain), left_over=at.left_over))  # fmt: skip
     return sorted(out, key=lambda h: -h.log_evidence)
 
 
@@ -120,14 +125,21 @@ def _with_additional(h: Hypothesis) -> Hypothesis:
 def _at(search: Search, h: Hypothesis, q: np.ndarray, apart: float) -> At | None:
     """A hypothesis judged at the car with the magnitudes q; None where the logs do not show them apart."""
     there = changed_car(search, h, q)
-    s, weight = there.scores({}), there.scatter.weight(apart)
+    s, weight = there.scores({}), there.scatter.apart(apart).inverse
     slopes = slopes_at(there, search, h, q, s)
     hessian = slopes.T @ weight @ slopes
     if not np.all(np.isfinite(hessian)) or np.linalg.cond(hessian) > SINGULAR:
         return None
-    covariance = np.linalg.inv(hessian)
-    return At(q, 0.5 * float(s @ weight @ s), covariance, -covariance @ slopes.T @ weight @ s,
-              there.left_over(s, slopes))  # fmt: skip
+    covariance, wide = np.linalg.inv(hessian), there.scatter.apart(APART)
+    return At(q, 0.5 * float(s @ weight @ s), covariance,
+              (*least(s, slopes, wide.inverse), left_over(s, wide, search.normal.names, slopes).gain),
+              -covariance @ slopes.T @ weight @ s, there.left_over(s, slopes))  # fmt: skip
+
+
+def least(s: np.ndarray, slopes: np.ndarray, weight: np.ndarray) -> tuple[float, np.ndarray]:
+    """Half the least squared distance that scores s [n] get to by a step along slopes [n, k], and its covariance."""
+    gradient, covariance = slopes.T @ weight @ s, np.linalg.inv(slopes.T @ weight @ slopes)
+    return 0.5 * float(s @ weight @ s - gradient @ covariance @ gradient), covariance
 
 
 def slopes_at(

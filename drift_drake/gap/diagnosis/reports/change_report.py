@@ -9,7 +9,7 @@ from markupsafe import Markup
 
 from drift_drake.car.effects.catalogue import CATALOGUE, shown_by
 from drift_drake.car.log.table import UNITS
-from drift_drake.gap.diagnosis.answers.answer import in_words
+from drift_drake.gap.diagnosis.answers.rivals import in_words
 from drift_drake.gap.diagnosis.calibrated.changed_car import squares
 from drift_drake.gap.diagnosis.calibrated.diagnose_change import ChangeDiagnosis
 from drift_drake.gap.diagnosis.reports.report import in_doubt, limit_rows

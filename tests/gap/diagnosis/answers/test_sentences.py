@@ -2,7 +2,12 @@
 
 import dataclasses
 
+import pytest
+
+from drift_drake.car.effects.catalogue import CATALOGUE
+from drift_drake.car.effects.manoeuvres import TELLS_APART
 from drift_drake.gap.diagnosis.answers.answer import Answer
+from drift_drake.gap.diagnosis.answers.rivals import tells_apart
 from drift_drake.gap.estimation.prior import Interval
 
 NOTHING = Interval(0.0, 0.0, 0.0)
@@ -23,6 +28,32 @@ def test_a_cause_has_rivals_too():
         magnitudes={"torque_gain_error": Interval(-0.2, -0.3, -0.1)}, reduction=Interval(0.6, 0.5, 0.7),
     )  # fmt: skip
     assert "It may be none (0.20), or aero_drag and mass_error (0.20) instead" in found.sentence()
+
+
+@pytest.mark.parametrize(
+    ("cause", "rivals", "drives"),
+    [
+        ("steering_lag", ["steering_delay"], ["Steps and fast sine sweeps"]),
+        ("mass_error", ["torque_gain_error"], ["until the driven wheels spin"]),
+        ("rolling_resistance", ["drivetrain_friction", "aero_drag"], ["until the driven wheels spin", "Coasting"]),
+        ("drivetrain_friction", ["rolling_resistance+unknown", "rolling_resistance"], ["until the driven wheels spin"]),
+        ("mass_error", ["gyro_bias"], []),
+    ],
+)
+def test_effects_that_act_alike_have_the_drive_that_tells(cause, rivals, drives):
+    said = tells_apart(cause, rivals)
+    assert all(drive in said for drive in drives)
+    assert said.count("would tell") == len(drives)
+    posterior = {cause: 0.5} | dict.fromkeys(rivals, 0.25)
+    found = dataclasses.replace(
+        ANSWER, verdict="effect", causes=[cause], posterior=posterior, magnitudes={cause: Interval(0.2, 0.1, 0.3)},
+        reduction=Interval(0.6, 0.5, 0.7),
+    )  # fmt: skip
+    assert found.sentence().endswith(said)
+
+
+def test_effects_with_a_drive_that_tells_are_the_catalogues():
+    assert {name for pair in TELLS_APART for name in pair} <= set(CATALOGUE)
 
 
 def test_a_probable_verdict_has_none():

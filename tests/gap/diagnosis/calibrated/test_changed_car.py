@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from drift_drake.gap.diagnosis.calibrated.changed_car import changed_car, judged, stated
+from drift_drake.gap.diagnosis.calibrated.changed_car import changed_car, judged, least, stated
 from drift_drake.gap.evidence.hypotheses import Hypothesis
 
 SINGLE = ("steering_offset",)
@@ -61,7 +61,19 @@ def test_what_the_right_change_leaves_is_normal_and_what_a_wrong_one_leaves_is_n
     assert right.names == ("steering_delay",)
     assert right.nats < 0.5 * len(late_day.search.normal.expected)  # half a chi-squared of as many scores, in the mean
     assert wrong.nats > right.nats + 10.0
-    assert right.log_evidence > wrong.log_evidence
+    # How far behind a wrong one is shrinks where the shape of a change is not exactly known.
+    assert 0.0 < right.among.log_evidence - wrong.among.log_evidence < right.log_evidence - wrong.log_evidence
+
+
+def test_the_least_distance_is_that_of_the_best_step():
+    rng = np.random.default_rng(0)
+    s, slopes, root = rng.normal(size=6), rng.normal(size=(6, 2)), rng.normal(size=(6, 6))
+    weight = root @ root.T + np.eye(6)
+    nats, covariance = least(s, slopes, weight)
+    at = [0.5 * x @ weight @ x for x in (s + slopes @ step for step in rng.normal(size=(200, 2)))]
+    best = s - slopes @ covariance @ slopes.T @ weight @ s
+    assert nats == pytest.approx(0.5 * best @ weight @ best)
+    assert nats <= min(at)
 
 
 def test_the_search_at_the_changed_car_starts_from_it(late_day):

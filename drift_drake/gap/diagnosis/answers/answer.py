@@ -10,7 +10,7 @@ from drift_drake.car.effects.catalogue import CATALOGUE
 from drift_drake.common.errors import DriftDrakeError, shown, significant
 from drift_drake.common.plain_files import named_number, parse_json, read_text
 from drift_drake.common.safe_files import write_text
-from drift_drake.gap.diagnosis.answers.rivals import in_words, tells_apart
+from drift_drake.gap.diagnosis.answers.rivals import in_words, of_rivals, tells_apart
 from drift_drake.gap.estimation.prior import Interval
 
 NAMED = 0.1  # probability from which a rival is named
@@ -94,13 +94,13 @@ class Answer:
     def _rivals(self) -> str:
         """What it may be instead, with the detection limit of the first."""
         leading = "+".join(sorted(self.causes)) or self.verdict
-        named = [name for name, p in self.posterior.items() if p >= NAMED and name != leading]
-        too = f"{leading}+unknown"
-        more_too = f" An additional fault may be there too ({self.posterior[too]:.2f})." if too in named else ""
-        others = [name for name in named if name != too]
+        too = self.posterior.get(f"{leading}+unknown", 0.0)
+        more_too = f" An additional fault may be there too ({too:.2f})." if too >= NAMED else ""
+        rivals = {name: p for name, p in of_rivals(self.posterior, leading).items() if p >= NAMED}
+        others = list(rivals)
         if not others:
             return more_too
-        parts = [f"{in_words(name)} ({self.posterior[name]:.2f}{self._shown_from(name) if i == 0 else ''})"
+        parts = [f"{in_words(name)} ({rivals[name]:.2f}{self._shown_from(name) if i == 0 else ''})"
                  for i, name in enumerate(others[:RIVALS])]  # fmt: skip
         more = [f"one of {len(others) - RIVALS} others"] if len(others) > RIVALS else []
         may_be = ", or ".join(parts + more)

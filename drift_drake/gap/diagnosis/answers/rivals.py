@@ -1,10 +1,24 @@
 """What a gap may be instead, in words, and which drive would tell."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from drift_drake.car.effects.manoeuvres import TELLS_APART
 
 TOO = "+unknown"  # of a hypothesis' name: and something else too
+
+
+def of_rivals(posterior: Mapping[str, float], leading: str) -> dict[str, float]:
+    """Probabilities of what it may be instead of what leads, largest first; a cause's with something else or without.
+
+    Where a cause is probable with something else alone, it has the name of both.
+    """
+    out: dict[str, float] = {}
+    for name, p in posterior.items():
+        cause = name.removesuffix(TOO)
+        if cause != leading:
+            key = cause if posterior.get(cause, 0.0) >= posterior.get(cause + TOO, 0.0) else cause + TOO
+            out[key] = out.get(key, 0.0) + p
+    return dict(sorted(out.items(), key=lambda item: -item[1]))
 
 
 def in_words(name: str) -> str:

@@ -7,7 +7,7 @@ import pytest
 from drift_drake.car.effects.catalogue import CATALOGUE
 from drift_drake.car.effects.manoeuvres import TELLS_APART
 from drift_drake.gap.diagnosis.answers.answer import Answer
-from drift_drake.gap.diagnosis.answers.rivals import tells_apart
+from drift_drake.gap.diagnosis.answers.rivals import of_rivals, tells_apart
 from drift_drake.gap.estimation.prior import Interval
 
 NOTHING = Interval(0.0, 0.0, 0.0)
@@ -97,6 +97,13 @@ def test_a_cause_with_something_else_too_is_no_rival_of_itself():
     said = found.sentence()
     assert "instead" not in said
     assert said.endswith("An additional fault may be there too (0.20).")
+
+
+def test_a_rival_has_the_probability_of_itself_with_something_else_or_without():
+    found = dataclasses.replace(ANSWER, posterior={"none": 0.8, "mass_error": 0.09, "mass_error+unknown": 0.04})
+    assert "It may be mass_error (0.13) instead" in found.sentence()
+    assert of_rivals({"aero_drag": 0.5, "mass_error+unknown": 0.3, "mass_error": 0.1, "aero_drag+unknown": 0.1},
+                     "aero_drag") == {"mass_error+unknown": pytest.approx(0.4)}  # fmt: skip
 
 
 def test_many_rivals_are_counted():

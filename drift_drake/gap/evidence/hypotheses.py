@@ -8,7 +8,6 @@ predictions, interpolated, find its most likely value.
 import dataclasses
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from typing import NamedTuple
 
 import numpy as np
 
@@ -33,13 +32,6 @@ SHARES = (0.0, 0.5, 1.0)  # of stiffness in proportion to the load that are trie
 EXTENSIONS = 2  # of the reach of a leading hypothesis
 
 
-class Among(NamedTuple):
-    """How a cause compares with others, where what each does to the scores is not exactly known."""
-
-    log_evidence: float
-    gain: float  # of something else being there too (`LeftOver.gain`)
-
-
 @dataclasses.dataclass(frozen=True)
 class Hypothesis:
     """One change with its most likely magnitudes."""
@@ -54,7 +46,7 @@ class Hypothesis:
         default_factory=dict
     )  # of the car's build, unseen by calibration
     scores: int = 0  # that judge it
-    among: Among | None = None  # relative to other causes; None where it was not judged at the changed car
+    among: float | None = None  # log evidence relative to other causes', whose shapes are not exact either
     left_over: LeftOver | None = None  # what it leaves over; None where it was not judged at the changed car
 
     def effects(self, day: Day, magnitudes: np.ndarray | None = None) -> dict[str, float]:

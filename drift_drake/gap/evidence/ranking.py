@@ -65,12 +65,12 @@ def ranked(
         if h.names and h.left_over is not None:
             both = value + np.log(ELSE) + with_noise(h.left_over.gain, noise) / warm
             values[name + TOO] = max(both, values.get(name + TOO, -np.inf))
-    alone, with_more = dict[str, float](), dict[str, float]()
-    for name, h in best.items():
-        if h.among is not None and len(h.names) == 1 and not h.beside:
-            alone[name] = h.among.log_evidence / warm + prior(h, catalogue, constants)
-            with_more[name + TOO] = alone[name] + with_noise(h.among.gain, noise) / warm
-    values |= shared_out(values, alone) | shared_out(values, with_more)
+    among = {
+        name: h.among / warm + prior(h, catalogue, constants)
+        for name, h in best.items()
+        if h.among is not None and len(h.names) == 1 and not h.beside
+    }
+    values |= shared_out(values, among)
     none = best[NONE]
     if none.left_over is not None:
         values[UNKNOWN] = (none.log_evidence + with_noise(none.left_over.gain, noise)) / warm + float(

@@ -17,8 +17,8 @@ from drift_drake.gap.estimation.normal import LOST, WORST, Normal
 from drift_drake.gap.estimation.reduction import FOLDS, NOTHING_REMOVED, STATES, Reduction, reduction_of
 from drift_drake.gap.estimation.scores import Day, make_day
 from drift_drake.gap.estimation.unknowns import added
-from drift_drake.gap.evidence.hypotheses import Among, Hypothesis, Search, added_up, concluded
-from drift_drake.gap.evidence.left_over import LeftOver, left_over
+from drift_drake.gap.evidence.hypotheses import Hypothesis, Search, added_up, concluded
+from drift_drake.gap.evidence.left_over import LeftOver
 from drift_drake.gap.evidence.ranges import clipped
 from drift_drake.gap.evidence.where import onsets, region_of, regions, shares
 
@@ -42,7 +42,7 @@ class At:
     q: np.ndarray  # [k]
     nats: float  # half the squared distance of the scores from normal
     covariance: np.ndarray  # [k, k]
-    apart: tuple[float, np.ndarray, float]  # nats, covariance and gain of `left_over` where scores scatter by `APART`
+    apart: tuple[float, np.ndarray]  # least nats and covariance where scores scatter by alone too (`APART`)
     step: np.ndarray  # [k] of Gauss and Newton
     left_over: LeftOver
 
@@ -68,11 +68,12 @@ def judged(search: Search, hypotheses: Sequence[Hypothesis]) -> list[Hypothesis]
         at = _led(search, whole, limit, 0.0)
         if at is not None:
             ranges = [search.ranges[name] for name in whole.names]
-            nats, covariance, gain = at.apart
-            among = concluded(whole.names, at.q, covariance, nats, ranges, h.follows_load).log_evidence
-            evidence = concluded(whole.names, at.q, at.covariance, at.nats, ranges, h.follows_load).log_evidence
-            out.append(dataclasses.replace(_moved(h, at), nats=at.nats, log_evidence=evidence,
-                                           among=Among(among, gain), left_over=at.left_over))  # fmt: skip
+            evidence, among = (
+                concluded(whole.names, at.q, covariance, nats, ranges, h.follows_load).log_evidence
+                for nats, covariance in ((at.nats, at.covariance), at.apart)
+            )
+            out.append(dataclasses.replace(_moved(h, at), nats=at.nats, log_evidence=evidence, among=among,
+                                           left_over=at.left_over))  # fmt: skip
     return sorted(out, key=lambda h: -h.log_evidence)
 
 
@@ -130,9 +131,8 @@ def _at(search: Search, h: Hypothesis, q: np.ndarray, apart: float) -> At | None
     hessian = slopes.T @ weight @ slopes
     if not np.all(np.isfinite(hessian)) or np.linalg.cond(hessian) > SINGULAR:
         return None
-    covariance, wide = np.linalg.inv(hessian), there.scatter.apart(APART)
-    return At(q, 0.5 * float(s @ weight @ s), covariance,
-              (*least(s, slopes, wide.inverse), left_over(s, wide, search.normal.names, slopes).gain),
+    covariance = np.linalg.inv(hessian)
+    return At(q, 0.5 * float(s @ weight @ s), covariance, least(s, slopes, there.scatter.apart(APART).inverse),
               -covariance @ slopes.T @ weight @ s, there.left_over(s, slopes))  # fmt: skip
 
 

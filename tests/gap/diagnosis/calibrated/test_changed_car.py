@@ -62,7 +62,7 @@ def test_what_the_right_change_leaves_is_normal_and_what_a_wrong_one_leaves_is_n
     assert right.nats < 0.5 * len(late_day.search.normal.expected)  # half a chi-squared of as many scores, in the mean
     assert wrong.nats > right.nats + 10.0
     # How far behind a wrong one is shrinks where the shape of a change is not exactly known.
-    assert 0.0 < right.among.log_evidence - wrong.among.log_evidence < right.log_evidence - wrong.log_evidence
+    assert 0.0 < right.among - wrong.among < right.log_evidence - wrong.log_evidence
 
 
 def test_the_least_distance_is_that_of_the_best_step():

@@ -18,6 +18,8 @@ PARTIAL_VARIES = 0.03  # [units] the same of a partial effect
 KIND_VARIES = 0.7
 """[units] the same of what a kind of car alone has (`car.deviation`): with half of it two of eight logs without an
 effect were `unknown` on a saloon of others whose differential the equations lack (sedan and mb1, validation)."""
+KIND_PRIOR = 2.0  # [units] by which a calibrated car always deviates in it, before its scores
+PARTIAL_PRIOR = 0.1  # [units] by which a car always deviates in a partial effect, before its logs
 LEFT_OF_FITTED = 0.5  # of the deviation before calibration of an effect that was fitted, what may be left after it
 LEFT_OF_OTHERS = 0.25  # the same of an effect that was not: most cars have none of it
 SCALE, SCALE_WORTH = 0.5, 0.5  # of the scatter of a recording, of all cars; recordings that this belief is worth

@@ -68,7 +68,7 @@ def ranked(
     among = {
         name: h.among / warm + prior(h, catalogue, constants)
         for name, h in best.items()
-        if h.among is not None and len(h.names) == 1 and not h.beside
+        if h.among is not None and len(h.names) == 1 and not h.additional
     }
     values |= shared_out(values, among)
     none = best[NONE]

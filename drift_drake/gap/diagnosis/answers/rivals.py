@@ -1,16 +1,16 @@
-"""What a gap may be instead, in words, and which drive would tell."""
+"""What a gap may be instead, in words, and which drive would distinguish it."""
 
 from collections.abc import Mapping, Sequence
 
 from drift_drake.car.effects.manoeuvres import TELLS_APART
 
-TOO = "+unknown"  # of a hypothesis' name: and something else too
+TOO = "+unknown"  # of a hypothesis' name: with an additional fault
 
 
 def of_rivals(posterior: Mapping[str, float], leading: str) -> dict[str, float]:
-    """Probabilities of what it may be instead of what leads, largest first; a cause's with something else or without.
+    """Probabilities of what it may be instead of what leads, largest first; a cause's with an additional fault or without.
 
-    Where a cause is probable with something else alone, it has the name of both.
+    Where a cause is probable with an additional fault alone, it has the name of both.
     """
     out: dict[str, float] = {}
     for name, p in posterior.items():
@@ -30,12 +30,12 @@ def in_words(name: str) -> str:
 
 
 def tells_apart(leading: str, rivals: Sequence[str]) -> str:
-    """The manoeuvres that tell a cause from rivals that act alike, in sentences; nothing of others."""
+    """The manoeuvres that distinguish a cause from rivals that act alike, in sentences; nothing of others."""
     by_drive: dict[str, list[str]] = {}
     for rival in rivals:
         cause = rival.removesuffix(TOO)
         drive = TELLS_APART.get(frozenset((leading, cause)))
         if drive and cause not in by_drive.setdefault(drive, []):
             by_drive[drive].append(cause)
-    return "".join(f" {drive[0].upper()}{drive[1:]}, would tell {leading} from {' and '.join(names)}."
+    return "".join(f" Record {drive}, to distinguish {leading} from {' and '.join(names)}."
                    for drive, names in by_drive.items())  # fmt: skip

@@ -29,10 +29,10 @@ STEP = 0.05  # of the reach, for derivatives of the scores
 SINGULAR = 1e12  # condition of the second derivatives, beyond which the logs do not show the magnitudes apart
 HOPELESS = 40.0  # nats behind the best hypothesis, from where on none is led further
 APART = 0.1
-"""Share of a score's variance that it scatters by alone where magnitudes are stated and causes are told from each other
-(validation days). Between effects that act alike the scores' contrasts are small, but what the equations lack is large
-in them: the rim's slip of another tyre tells drivetrain friction from rolling resistance no better than a few tenths of
-a standard deviation of each score."""
+"""Share of a score's variance that it scatters by alone where magnitudes are stated and where it is judged which cause
+a gap has (validation logs). Between effects that act alike the scores' contrasts are small, but what the equations lack
+is large in them: drivetrain friction differs from rolling resistance by the rim's slip, which is that of other tyres.
+"""
 
 
 @dataclasses.dataclass(frozen=True)

@@ -33,9 +33,9 @@ def test_a_cause_has_rivals_too():
 @pytest.mark.parametrize(
     ("cause", "rivals", "drives"),
     [
-        ("steering_lag", ["steering_delay"], ["Steps and fast sine sweeps"]),
+        ("steering_lag", ["steering_delay"], ["steps and fast sine sweeps"]),
         ("mass_error", ["torque_gain_error"], ["until the driven wheels spin"]),
-        ("rolling_resistance", ["drivetrain_friction", "aero_drag"], ["until the driven wheels spin", "Coasting"]),
+        ("rolling_resistance", ["drivetrain_friction", "aero_drag"], ["until the driven wheels spin", "coasting"]),
         ("drivetrain_friction", ["rolling_resistance+unknown", "rolling_resistance"], ["until the driven wheels spin"]),
         ("mass_error", ["gyro_bias"], []),
     ],
@@ -43,7 +43,7 @@ def test_a_cause_has_rivals_too():
 def test_effects_that_act_alike_have_the_drive_that_tells(cause, rivals, drives):
     said = tells_apart(cause, rivals)
     assert all(drive in said for drive in drives)
-    assert said.count("would tell") == len(drives)
+    assert said.count("to distinguish") == len(drives)
     posterior = {cause: 0.5} | dict.fromkeys(rivals, 0.25)
     found = dataclasses.replace(
         ANSWER, verdict="effect", causes=[cause], posterior=posterior, magnitudes={cause: Interval(0.2, 0.1, 0.3)},

@@ -76,7 +76,8 @@ class Answer:
         least = self.details.get("at_least", [])
         parts = [_stated(name, self.magnitudes[name], name in least) for name in self.causes]
         too = ["an additional fault that the catalogue lacks"] if self.details.get("left_over") else []
-        probability = self.posterior["+".join(sorted(self.causes))]
+        name = "+".join(sorted(self.causes))
+        probability = self.posterior[name] + self.posterior.get(f"{name}+unknown", 0.0)
         remove = f"{'it removes' if len(parts) == 1 else 'they remove'} {_removed(self.reduction.estimate)}"
         said = f"{' and '.join(parts + too)}, probability {probability:.2f}"
         if self.details.get("decision") == "cause_open":
@@ -95,7 +96,7 @@ class Answer:
         """What it may be instead, with the detection limit of the first."""
         leading = "+".join(sorted(self.causes)) or self.verdict
         too = self.posterior.get(f"{leading}+unknown", 0.0)
-        more_too = f" An additional fault may be there too ({too:.2f})." if too >= NAMED else ""
+        more_too = f" An additional fault may be there too ({too:.2f} of it)." if too >= NAMED else ""
         rivals = {name: p for name, p in of_rivals(self.posterior, leading).items() if p >= NAMED}
         others = list(rivals)
         if not others:

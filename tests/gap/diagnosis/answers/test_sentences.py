@@ -96,7 +96,8 @@ def test_a_cause_with_something_else_too_is_no_rival_of_itself():
     )  # fmt: skip
     said = found.sentence()
     assert "instead" not in said
-    assert said.endswith("An additional fault may be there too (0.20).")
+    assert "probability 0.95" in said
+    assert said.endswith("An additional fault may be there too (0.20 of it).")
 
 
 def test_a_rival_has_the_probability_of_itself_with_something_else_or_without():

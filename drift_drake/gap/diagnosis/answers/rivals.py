@@ -8,7 +8,7 @@ TOO = "+unknown"  # of a hypothesis' name: with an additional fault
 
 
 def of_rivals(posterior: Mapping[str, float], leading: str) -> dict[str, float]:
-    """Probabilities of what it may be instead of what leads, largest first; a cause's with an additional fault or without.
+    """Probabilities of what it may be instead, largest first; a cause's with an additional fault or without.
 
     Where a cause is probable with an additional fault alone, it has the name of both.
     """

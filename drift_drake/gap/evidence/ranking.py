@@ -57,19 +57,17 @@ def ranked(
     """
     values: dict[str, float] = {}
     best: dict[str, Hypothesis] = {}
+    among: dict[str, float] = {}
     warm = constants.temperature  # of evidence alone: what logs say nothing of keeps its prior
     for h in hypotheses:
         name, value = hypothesis_name(h.names), h.log_evidence / warm + prior(h, catalogue, constants)
         if name not in best or value > values[name]:
             best[name], values[name] = h, value
+        if h.among is not None and len(h.names) == 1:
+            among[name] = max(h.among / warm + prior(h, catalogue, constants), among.get(name, -np.inf))
         if h.names and h.left_over is not None:
             both = value + np.log(ELSE) + with_noise(h.left_over.gain, noise) / warm
             values[name + TOO] = max(both, values.get(name + TOO, -np.inf))
-    among = {
-        name: h.among / warm + prior(h, catalogue, constants)
-        for name, h in best.items()
-        if h.among is not None and len(h.names) == 1 and not h.additional
-    }
     values |= shared_out(values, among)
     none = best[NONE]
     if none.left_over is not None:

@@ -273,6 +273,20 @@ def test_which_cause_it_is_is_less_certain_than_that_there_is_one():
     assert np.log(odds) == pytest.approx(1.0 / PRIORS.temperature + priors)
 
 
+def test_a_cause_with_an_effect_of_the_build_shares_too():
+    gap = dataclasses.replace(NONE, nats=133.0, log_evidence=-133.0)
+    torque = single("torque_gain_error", -0.13, 0.01, nats=54.0)
+    mass = single("mass_error", 0.15, 0.01, nats=65.0)
+    joint = as_change(pair(("mass_error", "tyre_thermal_fade"), [0.18, 0.1], -44.0))
+    apart = ranked([gap, torque, mass, joint], 28, PRIORS)
+    assert apart.leading is torque
+    assert apart.decision == "cause"
+    judged = [dataclasses.replace(h, among=q) for h, q in ((torque, -22.3), (mass, -21.6), (joint, -17.0))]
+    shared = ranked([gap, *judged], 28, PRIORS)
+    assert shared.leading is judged[2]
+    assert shared.decision == "cause_open"
+
+
 def test_what_causes_hold_together_stays_theirs():
     values = {"none": -9.0, "a": -2.0, "b": -7.0, "c": -5.0}
     shared = values | shared_out(values, {"a": 1.0, "b": 0.0})

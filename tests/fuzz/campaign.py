@@ -25,13 +25,15 @@ from pathlib import Path
 from random import Random
 
 HERE = Path(__file__).parent
-sys.path[:0] = [str(HERE), str(HERE.parent / "logs"), str(HERE.parents[1])]
+sys.path[:0] = [str(HERE), str(HERE.parent / "gap" / "logs"), str(HERE.parents[1])]
 
 from as_command import Ended, command, warm  # noqa: E402
+from campaign_cars import LONGEST_FIT  # noqa: E402
 from campaign_place import Place  # noqa: E402
 from campaign_seeds import make_seeds  # noqa: E402
 from campaign_trials import TRIALS  # noqa: E402
 from forked_reader import read_by_copies  # noqa: E402
+from fuzzing import LONGEST  # noqa: E402
 from tqdm import tqdm  # noqa: E402
 
 from drift_drake.cli.main import main as drift_drake  # noqa: E402
@@ -80,8 +82,10 @@ def warmed(seeds: Path) -> None:
         warnings.simplefilter("ignore")
         shutil.copytree(seeds / "log", "case")
         os.rename("case/full.csv", "case/run_0.csv")
+        os.rename("case/long.csv", "long.csv")
         os.remove("case/few.csv")
         car, quick = ("--vehicle", str(seeds / "vehicle" / "plain.yaml")), ("--effects", "steering_lag", "--quiet")
+        predicted = ("--criterion", "prediction", "--force")
         recording, mapping = seeds / "recording.csv", seeds / "mapping" / "full.yaml"
         for words in (
             ("check", "case", *car, "--workers", "1"),
@@ -91,6 +95,22 @@ def warmed(seeds: Path) -> None:
             ("plan-next", "a.json", *car),
             ("simulate", "slalom", *car, "--duration", "1", "--out", "s.csv"),
             ("identify", "case", *car, *quick, "--json", "i.json"),
+            ("identify", "long.csv", *car, *quick, *predicted, "--json", "p.json"),
+            (
+                "identify",
+                "long.csv",
+                *car,
+                *quick,
+                *predicted,
+                "--car",
+                "double-track",
+                "--json",
+                "d.json",
+                "--out",
+                "d.yaml",
+            ),
+            ("diagnose", "long.csv", "--vehicle", "d.yaml", "--calibration", "d.json", *quick, "--workers", "1"),
+            ("replay", "case/run_0.csv", "--vehicle", str(seeds / "two_track" / "saloon.yaml")),
             ("import", "--look", str(recording)),
             ("import", "--look", str(seeds / "recordings" / "drive.npz")),
             ("import", str(recording), "--mapping", str(mapping), "--out", "out"),
@@ -99,7 +119,14 @@ def warmed(seeds: Path) -> None:
                 code = drift_drake(words)
             if code:
                 print(f"{words[0]}: {said.getvalue()}", file=sys.stderr)
-        for name, kind in (("a.json", "answer"), ("i.json", "calibration")):
+        kinds = {
+            "a.json": "answer",
+            "i.json": "calibration",
+            "p.json": "calibration",
+            "d.json": "calibration",
+            "d.yaml": "two_track",
+        }
+        for name, kind in kinds.items():
             if Path(name).exists():
                 shutil.copy(name, seeds / kind / f"made_{name}")
     gc.collect()
@@ -119,7 +146,7 @@ def tried(folder: Path, seeds: Path, seed: int, number: int, heard: set[str]) ->
     with contextlib.suppress(StopIteration):
         words = next(trial)
         while True:
-            ended = words if isinstance(words, Ended) else command(place.folder, *words)
+            ended = words if isinstance(words, Ended) else command(place.folder, *words, longest=longest(words[0]))
             said = kind.__name__ if isinstance(words, Ended) else " ".join(str(word) for word in words[:3])[:80]
             rows.append(
                 [number, kind.__name__, said, ended.code, f"{ended.seconds:.2f}", ended.memory >> 20, ended.flaw]
@@ -136,6 +163,11 @@ def tried(folder: Path, seeds: Path, seed: int, number: int, heard: set[str]) ->
     return rows
 
 
+def longest(name: object) -> float:
+    """[s] of processor time that a command may take."""
+    return LONGEST_FIT if name in ("identify", "choose") else LONGEST
+
+
 def findings_again(folder: Path) -> int:
     """Tries the kept findings again; returns how many still end badly."""
     bad = 0
@@ -146,7 +178,8 @@ def findings_again(folder: Path) -> int:
         now = folder / "now"
         shutil.rmtree(now, ignore_errors=True)
         shutil.copytree(kept.parent, now)
-        ended = command(now, *ast.literal_eval(first))
+        words = ast.literal_eval(first)
+        ended = command(now, *words, longest=longest(words[0]))
         bad += bool(ended.flaw)
         print(f"{kept.parent.name}: {first[:100]}: {ended.flaw or 'ends well'}", flush=True)
     return bad

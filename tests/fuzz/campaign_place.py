@@ -9,6 +9,7 @@ import yaml
 from as_command import Ended
 from hostile import spoilt_bytes, spoilt_tree
 
+QUICK = ("--effects", "steering_lag", "aero_drag", "--workers", "1", "--quiet")
 Trial = Generator[tuple[str | Path, ...], Ended, None]
 """Yields the words of a command, and is sent how it ended."""
 

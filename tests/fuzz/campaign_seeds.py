@@ -12,6 +12,8 @@ from recorder_writers import DBC, write_frames, write_ulog, write_vbo, write_xrk
 from small_recordings import small_recordings
 from test_fuzz import ANSWER, CALIBRATION, CALIBRATION_BY_PREDICTION, MAPPING, NONE, UNKNOWN, VEHICLE
 
+from drift_drake.car.double_track.parameters import CARS
+
 LOG_ROWS = 450  # 4.5 s: enough to be judged
 REPORT = {"mapping": {"trust": ["v"]}, "runs": [{"std": {"v": 0.1, "r": 0.01}}]}
 
@@ -31,6 +33,10 @@ def make_seeds(folder: Path) -> None:
             },
         },
         "report": {"small": REPORT},
+        "two_track": {
+            "coupe": CARS["coupe"].to_dict(),
+            "saloon": CARS["saloon"].to_dict() | {"effects": {"steering_lag": 0.05, "aero_drag": 0.2}},
+        },
         "vehicle": {"coupe": VEHICLE, "plain": {k: v for k, v in VEHICLE.items() if k not in ("tyre", "effects")}},
     }  # fmt: skip
     for kind, found in structures.items():
@@ -50,6 +56,11 @@ def make_seeds(folder: Path) -> None:
     for name, table in (("full", columns), ("few", few)):
         text = np.column_stack(list(table.values()))
         np.savetxt(folder / "log" / f"{name}.csv", text, "%.6f", ",", header=",".join(table), comments="")
+    lively = rows(noise=1.0)
+    last = lively["t"][-1] + (lively["t"][1] - lively["t"][0])
+    twice = {name: np.r_[values, values + (last if name == "t" else 0.0)] for name, values in lively.items()}
+    text = np.column_stack(list(twice.values()))
+    np.savetxt(folder / "log" / "long.csv", text, "%.6f", ",", header=",".join(twice), comments="")
     t = np.arange(0.0, 4.0, 0.02)
     wave = 30.0 * np.sin(3.0 * t)
     recording = np.column_stack([1e3 * t, wave, 40.0 + 0.0 * t, t, -np.deg2rad(wave), 10.0 * wave])

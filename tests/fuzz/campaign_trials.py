@@ -8,7 +8,8 @@ from collections.abc import Callable
 from random import Random
 
 import yaml
-from campaign_place import Place, Trial, dumped
+from campaign_cars import calibrations, identifications, replays, two_tracks
+from campaign_place import QUICK, Place, Trial, dumped
 from campaign_plug_ins import plug_ins
 from hostile import NUMBERS, TEXTS, junk, scalar, spoilt_bytes, spoilt_table
 from table_dialects import CLOCKS, drive, texts
@@ -42,7 +43,6 @@ UNITS = [
     "V",
 ]
 CLOCK_NAMES = ["time", "t", "Zeit", "timestamp", "Time [s]", "utc", "elapsed"]
-QUICK = ("--effects", "steering_lag", "aero_drag", "--workers", "1", "--quiet")
 
 
 def tables(rng: Random, place: Place) -> Trial:
@@ -210,22 +210,6 @@ def answers(rng: Random, place: Place) -> Trial:
     )
 
 
-def calibrations(rng: Random, place: Place) -> Trial:
-    place.put("car.yaml", place.good("vehicle", "plain.yaml"))
-    place.put("case/run_0.csv", place.good("log", "full.csv"))
-    place.put("c.json", place.structure(rng, "calibration"), "calibration")
-    yield (
-        rng.choice(["check", "diagnose"]),
-        "case",
-        "--vehicle",
-        "car.yaml",
-        "--calibration",
-        "c.json",
-        "--workers",
-        "1",
-    )
-
-
 def command_lines(rng: Random, place: Place) -> Trial:
     """Of commands whose log is none, so that nothing long begins."""
     for name, kind, seed in (("good.yaml", "vehicle", "coupe.yaml"), ("good.json", "answer", "effect.json")):
@@ -255,8 +239,11 @@ TRIALS: dict[Callable[[Random, Place], Trial], float] = {
     logs: 16,
     vehicles: 6,
     answers: 6,
-    calibrations: 3,
+    calibrations: 4,
+    two_tracks: 4,
+    identifications: 0.7,
+    replays: 3,
     command_lines: 3.5,
     plug_ins: 0.5,
 }
-"""Each with its share [%]."""
+"""Each with its weight."""

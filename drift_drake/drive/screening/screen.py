@@ -16,6 +16,7 @@ from drift_drake.common.arrays import Array
 from drift_drake.common.updates import declare_update
 from drift_drake.drive.reference.path import Path
 from drift_drake.drive.screening.fusion import Fused, Mask, corrected, learnt, predicted, within_gate
+from drift_drake.drive.screening.holding import BETA, DOUBTED, Holding
 
 UNMODELLED = 0.3  # of the friction limit: standard deviation of the forces
 ANGLE = 0.05  # [rad] of the course: what offsets of the sensors make of the motion along the path
@@ -84,6 +85,10 @@ class Innovation:
         worst = int(np.argmax(np.where(CHECKED, squares, -1.0)))
         return worst if squares.sum() - squares[worst] <= self.bound else None
 
+    def held(self, before: Holding, reading: Array, last: Array) -> Holding:
+        """What two good readings [7], a period apart, add to what is known of the sideslip."""
+        return before.after_good(reading, last, self._path.curvature(float(reading[6])), self.length, self._period)
+
     def _squares(self, reading: Array, expected: Array, spread: float) -> Array:
         if not np.isfinite(expected).all():
             return np.zeros(len(MEASURED_STATE))
@@ -150,18 +155,19 @@ class JudgedReading(NamedTuple):
     spread: float = 0.0  # [s] for which what is unmodelled has acted on the estimate
     out: Mask = np.zeros(len(MEASURED_STATE), dtype=bool)  # channels [7] not used until they agree with the others
     fused: Fused = Fused.after_good(np.zeros(len(MEASURED_STATE)))
+    holding: Holding = Holding()
 
     def vector(self) -> Array:
-        """[kind, streak, spread, estimate, out, fused]."""
+        """[kind, streak, spread, estimate, out, holding, fused]."""
         head = [float(self.kind), self.streak, self.spread]
-        return np.concatenate([head, self.estimate, self.out, self.fused.vector()])
+        return np.concatenate([head, self.estimate, self.out, self.holding, self.fused.vector()])
 
     @classmethod
     def of(cls, vector: Array) -> "JudgedReading":
         """The inverse of `vector`."""
-        estimate, out, fused = np.split(vector[3:], [7, 14])
+        estimate, out, holding, fused = np.split(vector[3:], [7, 14, 14 + len(Holding._fields)])
         return cls(ReadingKind(int(vector[0])), np.array(estimate), float(vector[1]), float(vector[2]), out > 0.5,
-                   Fused.of(fused))  # fmt: skip
+                   Fused.of(fused), Holding(*holding.tolist()))  # fmt: skip
 
 
 class Screen(LeafSystem):
@@ -241,13 +247,16 @@ class Screen(LeafSystem):
     ) -> JudgedReading:  # fmt: skip
         """A verdict by the model's prediction, too; `spoilt` [7]: wrong by themselves; before: the last reading [7]."""
         expected, jacobian = model.linearize(last.estimate, *commands)
+        holding = last.holding.after_bad(self._period)
         if not np.isfinite(expected).all():
             estimate = x if kind == ReadingKind.GOOD else last.estimate
-            return JudgedReading(kind, estimate, spread=last.spread + self._period)
+            holding = last.holding if kind == ReadingKind.GOOD else holding
+            return JudgedReading(kind, estimate, spread=last.spread + self._period, holding=holding)
         rates = model.rates(expected)
         moved, fused = predicted(expected, last.fused, jacobian, rates, self._period)
         # A channel that was wrong is so until it is where the others say: an offset that stays is none the truer.
         out = last.out & ~spoilt & ~within_gate(x - moved, fused, model.noise)
+        out[BETA] |= last.holding.doubted > 0.0
         # Where readings are missing, a force that is not modelled goes on acting; those that disagree with the model
         # must not make it give way before they have lasted.
         spread, streak = math.hypot(last.spread, self._period), 0.0
@@ -256,8 +265,16 @@ class Screen(LeafSystem):
             kind = ReadingKind.DISAGREEING
         elif kind == ReadingKind.GOOD:
             if model.distance(x, expected, spread) <= model.bound:
-                return JudgedReading(kind, x, fused=learnt(last.fused, x - expected, rates, model.noise, self._period))
-            kind, alone = ReadingKind.DISAGREEING, model.alone(x, expected, spread)
+                holding = model.held(last.holding, x, last.estimate) if last.kind == ReadingKind.GOOD else holding
+                if not holding.wrong(model.noise):
+                    fused = learnt(last.fused, x - expected, rates, model.noise, self._period)
+                    return JudgedReading(kind, x, fused=fused, holding=holding)
+                alone = BETA
+                moved, fused = holding.without(x, model.noise)
+                holding = Holding(good=0.0, doubted=DOUBTED)
+            else:
+                alone = model.alone(x, expected, spread)
+            kind = ReadingKind.DISAGREEING
             if alone is not None:
                 out[alone], used[alone] = True, False
             else:
@@ -265,14 +282,14 @@ class Screen(LeafSystem):
                 agrees = model.distance(x, rival, self._period) <= model.bound
                 streak, used = last.streak + 1.0 if agrees else 1.0, np.zeros_like(used)
                 if streak * self._period >= PERSISTENT:
-                    return JudgedReading(ReadingKind.GOOD, x, fused=Fused.after_good(model.noise))
+                    return JudgedReading(ReadingKind.GOOD, x, fused=Fused.after_good(model.noise), holding=holding)
         else:
             spread = last.spread + self._period
             used = used if kind != ReadingKind.FROZEN else np.zeros_like(used)
         estimate, fused = corrected(moved, fused, x, used, model.noise, model.length)
         out |= spoilt & CHECKED & np.isfinite(x)
         return JudgedReading(
-            kind, estimate, streak, spread, out if out.sum() <= MOST_OUT else np.zeros_like(out), fused
+            kind, estimate, streak, spread, out if out.sum() <= MOST_OUT else np.zeros_like(out), fused, holding
         )
 
     def _in_force(self, context: Context) -> Array:

@@ -1,7 +1,6 @@
 """What an estimator can use of runs: parts that go forwards, not spun, and measured; effects that the columns show."""
 
 import dataclasses
-import itertools
 from collections.abc import Sequence
 
 import numpy as np
@@ -10,6 +9,7 @@ from drift_drake.car.effects.catalogue import CATALOGUE
 from drift_drake.car.log.driving import driven, in_spans, reversing, slowest_asked, spans
 from drift_drake.car.log.table import OPTIONAL, SHORTEST_RUN, InvalidLogError, Run
 from drift_drake.car.parameters import VehicleParameters
+from drift_drake.gap.estimation.pieces import lasting, pieces_of, spread
 from drift_drake.gap.estimation.windows import SETTLING, stride_of
 from drift_drake.gap.logs.screening.screened import Screened, screened
 
@@ -21,7 +21,6 @@ LISTED = 3  # stretches of one kind, and runs, that are reported one by one
 MOST_SECONDS = 300.0
 PIECE = 12.0  # [s], about, that longer runs are cut into
 ROUNDING = 1e-6  # [s]
-GOLDEN = (np.sqrt(5.0) - 1.0) / 2.0
 
 
 def usable(runs: Sequence[Run], vehicle: VehicleParameters) -> tuple[list[Run], list[str]]:
@@ -158,33 +157,12 @@ def part_of(runs: Sequence[Run], most: float = MOST_SECONDS) -> tuple[list[Run],
 
     Which pieces are taken depends on their places alone, not on what happened in them.
     """
-    total = sum(_seconds(run) for run in runs)
+    total = sum(lasting(run) for run in runs)
     most += ROUNDING
     if total <= most:
         return list(runs), []
-    pieces = [piece for run in runs for piece in _pieces(run)]
-    # Multiples of the golden ratio fall evenly and in no rhythm: manoeuvres that take turns are all met.
-    order = np.argsort(np.arange(len(pieces)) * GOLDEN % 1.0)
-    lasting = np.cumsum([_seconds(pieces[i]) for i in order])
-    kept = sorted(order[: max(int(np.count_nonzero(lasting <= most)), 1)])
-    used = sum(_seconds(pieces[i]) for i in kept)
+    pieces = [piece for run in runs for piece in pieces_of(run, PIECE)]
+    kept = spread(pieces, most)
+    used = sum(lasting(pieces[i]) for i in kept)
     sentence = f"of {total:.0f} s of logs {used:.0f} s are used, {len(kept)} pieces spread evenly over them"
     return [pieces[i] for i in kept], [sentence]
-
-
-def _seconds(run: Run) -> float:
-    return float(run.t[-1] - run.t[0])
-
-
-def _pieces(run: Run) -> list[Run]:
-    """A run in pieces of equal length, named by the seconds of the run that they begin at."""
-    count = max(round(_seconds(run) / PIECE), 1)
-    if count == 1:
-        return [run]
-    edges = np.linspace(0, len(run), count + 1).round().astype(int)
-    return [
-        dataclasses.replace(
-            run.rows(a, b), name=f"{run.name} from {run.t[a] - run.t[0]:.0f} s", recording=run.recording or run.name
-        )
-        for a, b in itertools.pairwise(edges)
-    ]

@@ -1,8 +1,10 @@
 """The vehicle that an answer corrects."""
 
+from drift_drake.car.double_track.motion import check_supported
+from drift_drake.car.double_track.parameters import DoubleTrackParameters
 from drift_drake.car.effects.magnitudes import Effects, combined, make_effects
-from drift_drake.car.parameters import RELATIVE, SomeCar
-from drift_drake.gap.diagnosis.answers.answer import Answer
+from drift_drake.car.parameters import RELATIVE, SomeCar, VehicleParameters
+from drift_drake.gap.diagnosis.answers.answer import Answer, InvalidAnswerError
 
 
 def corrected_vehicle(
@@ -17,6 +19,10 @@ def corrected_vehicle(
         tolerances: whether the deviations within tolerance that were found with them are applied too;
         own: effects that the vehicle had before.
 
+    Raises:
+        InvalidAnswerError: the answer has deviations of a single-track vehicle file, and the vehicle is another;
+        InvalidVehicleError: of effects that the car cannot have.
+
     Examples:
         >>> corrected, effects = corrected_vehicle(car, read_answer("answer.json"))
         >>> effects.steering_lag
@@ -25,7 +31,12 @@ def corrected_vehicle(
     magnitudes = {name: answer.magnitudes[name].estimate for name in answer.causes}
     for name, value in answer.details.get("with", {}).items() if answer.causes else ():
         magnitudes[name] = magnitudes.get(name, 0.0) + float(value)
-    if tolerances and answer.tolerances:
+    if tolerances and any(answer.tolerances.values()):
+        if not isinstance(vehicle, VehicleParameters):
+            raise InvalidAnswerError(
+                f"{answer.case} was diagnosed with a single-track vehicle file, from which its deviations within "
+                "tolerance are; give that file, or --no-tolerances"
+            )
         car, n, t = vehicle.single_track(), answer.tolerances, vehicle.tolerance
         changes = {name: getattr(car, name) * (1.0 + n.get(name, 0.0) * getattr(t, name)) for name in RELATIVE}
         shift = n.get("front_axle_distance", 0.0) * t.front_axle_distance
@@ -36,4 +47,7 @@ def corrected_vehicle(
         if offset != 0.0:
             magnitudes["steering_offset"] = magnitudes.get("steering_offset", 0.0) + offset
         vehicle = vehicle.replace(**changes)
-    return vehicle, combined(own, make_effects(magnitudes))
+    effects = combined(own, make_effects(magnitudes))
+    if isinstance(vehicle, DoubleTrackParameters):
+        check_supported(effects, answer.case)
+    return vehicle, effects

@@ -16,6 +16,7 @@ from drift_drake.common.arrays import Array
 from drift_drake.gap.logs.importing.mapping import RecorderMapping
 from drift_drake.gap.logs.screening.consistency import consistency
 from drift_drake.gap.logs.screening.relations import Windows
+from drift_drake.gap.logs.screening.stuck import without_stuck
 
 FEWEST = 230  # rows
 WINDOW = 0.3  # [s] over which noise is averaged out
@@ -52,10 +53,11 @@ def recording_doubts(
         period: time between rows [s]; wheelbase: of the vehicle [m], where known; stated: units of the mapping, by
             column; derived: columns that were made of each other.
     """
+    runs, stuck = without_stuck(runs, period, FEWEST)
     if sum(len(columns["r"]) for columns in runs) < FEWEST:
-        return Doubts([], ())
+        return Doubts(stuck, ())
     found = consistency(runs, [period] * len(runs), length=wheelbase, stated=stated, derived=derived)
-    sentences = [f"{doubt.sentence.removesuffix('?').removesuffix('.')}." for doubt in found.doubts]
+    sentences = stuck + [f"{doubt.sentence.removesuffix('?').removesuffix('.')}." for doubt in found.doubts]
     names = set.intersection(*(set(columns) for columns in found.right))
     right = {name: np.concatenate([columns[name] for columns in found.right]) for name in names}
     if not found.complete:
@@ -166,7 +168,7 @@ def _accelerometer(columns: Mapping[str, Array], w: Windows, doubted: set[str | 
     for name, motion in expected.items():
         read = getattr(w, name)
         rest = float(np.mean(read - motion)) if len(motion) else 0.0
-        if name not in doubted and abs(rest) > TILT:
+        if not {name, "r", "v"} & doubted and abs(rest) > TILT:
             sentences.append(
                 f"column {name} reads {rest:+.2g} m/s^2 besides the change of velocity: "
                 "gravity on a tilted sensor or a slope, or a bias?"

@@ -47,6 +47,8 @@ MOST_NAMED = 6  # columns in a sentence
 BACKWARDS = 0.2  # share of readings below zero from which vx is no car's forward speed
 SLOWER = 1.0  # what a constant column, and one without a clock, count against it
 FORMAT_SAYS = -10.0  # rank of a column that the file's format says is this quantity
+COMMANDED = ("delta_cmd", "tau_cmd")
+FEW = 100  # readings that are looked at first
 METRES = 1.11e5  # of a degree
 FASTEST = 150.0  # [m/s] of a vehicle whose latitude and longitude these may be
 RADIUS = 0.3  # [m] of a wheel, where nothing tells it
@@ -134,8 +136,15 @@ def _candidates(quantity: str, ordered: Sequence[Topic], clocks: Mapping[str, st
             if not len(seen):
                 continue
             late = SLOWER * bool(np.ptp(seen) == 0.0) + SLOWER * (topic.name not in clocks)
+            late += LIMIT * (quantity not in COMMANDED and _is_flag(seen))
             found.append(ColumnChoice(topic, str(column), fits[0] + late, fits[1]))
     return sorted(found, key=lambda candidate: candidate.rank)
+
+
+def _is_flag(values: np.ndarray) -> bool:
+    """Whether readings are both of two of -1, 0 and 1, or all three: a sign or a state, of nothing that is measured."""
+    return bool(np.ptp(values) > 0.0 and np.isin(values[:FEW], (-1.0, 0.0, 1.0)).all()
+                and np.isin(values, (-1.0, 0.0, 1.0)).all())  # fmt: skip
 
 
 def _chosen(choices: Mapping[str, list[ColumnChoice]], signals: _Traces) -> dict[str, ColumnChoice]:

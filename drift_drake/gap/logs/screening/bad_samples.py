@@ -14,6 +14,7 @@ FROM_RANGE = 4.0  # half ranges of the neighbouring rows that a spike lies outsi
 FROM_NOISE = 8.0  # standard deviations of the channel's white noise
 FROM_USUAL = 8.0  # times what one row in a hundred of this channel lies outside of its neighbours
 USUAL = 0.99
+FROM_MANY, MANY = 40.0, 0.97  # the same where more than one row in a hundred is a spike
 STEPS = 2.5  # steps of the channel's numbers, which rounding may make of a small change
 PASSES = 10  # a large spike hides smaller ones next to it
 # Of frozen rows.
@@ -66,8 +67,9 @@ def _clear_spikes(values: np.ndarray, resolution: float) -> list[tuple[int, int]
     found = []
     for width in range(LONGEST, 0, -1):
         outside, half_range = _outside_neighbours(values, medians, width)
-        usual = max(float(np.quantile(outside, USUAL)), 0.0)
-        least = np.maximum(FROM_RANGE * half_range, max(FROM_NOISE * noise, FROM_USUAL * usual))
+        rare, many = (max(float(q), 0.0) for q in np.quantile(outside, [USUAL, MANY]))
+        usual = min(FROM_USUAL * rare, FROM_MANY * many)
+        least = np.maximum(FROM_RANGE * half_range, max(FROM_NOISE * noise, usual))
         # What is as small as the rounding of the numbers is no evidence.
         least = np.maximum(least, max(STEPS * resolution, 1e-5 * float(np.max(np.abs(values)))))
         for i in np.flatnonzero(outside > least):

@@ -15,7 +15,13 @@ from drift_drake.car.log.table import COLUMNS, Run
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.gap.logs.screening.dead import dead_columns
 from drift_drake.gap.logs.screening.kinematics import Columns, Kinematics, motion_of_columns
-from drift_drake.gap.logs.screening.misnamed import magnitudes, no_speed, swapped_accelerations, swapped_speeds
+from drift_drake.gap.logs.screening.misnamed import (
+    magnitudes,
+    no_speed,
+    swapped_accelerations,
+    swapped_headings,
+    swapped_speeds,
+)
 from drift_drake.gap.logs.screening.redundancy import agreements, arm_doubts, bias_doubts, scale_doubts
 from drift_drake.gap.logs.screening.relations import KINDS, Kind, Relation, Windows, relations, windows_of_columns
 from drift_drake.gap.logs.screening.steering import held_doubts, ratio_doubts, reach_doubts
@@ -24,6 +30,7 @@ from drift_drake.gap.logs.screening.timing import timing_doubts
 from drift_drake.gap.logs.screening.unit_mistakes import mistakes
 
 ASKED = ("r", "psi", "v", "beta", "omega_r", "ax", "ay", "delta_cmd")  # columns that others could check
+SWAPPED = {"ax": ("ax", "ay"), "r": ("r", "psi")}  # by the column that a doubt names
 
 
 @dataclasses.dataclass(frozen=True)
@@ -65,7 +72,8 @@ def consistency(
     doubts = _misnamed(right, periods)
     bad = {doubt.column for doubt in doubts}
     for doubt in doubts:
-        out = {doubt.column, *(("ax", "ay") if "swapped" in doubt.sentence else ())} - {"r", "v", "delta_cmd"}
+        swapped = SWAPPED.get(str(doubt.column), ()) if "swapped" in doubt.sentence else ()
+        out = {doubt.column, *swapped} - {"r", "v", "delta_cmd"}
         for columns in right:
             for name in out & set(columns):
                 columns.pop(str(name))
@@ -101,7 +109,7 @@ def _misnamed(runs: Sequence[dict[str, np.ndarray]], periods: Sequence[float]) -
     if any(doubt.column == "v" for doubt in doubts):
         return doubts
     m = motion_of_columns(runs, periods)
-    doubts += magnitudes(runs, m) + swapped_accelerations(m) + swapped_speeds(m)
+    doubts += swapped_headings(m) + magnitudes(runs, m) + swapped_accelerations(m) + swapped_speeds(m)
     return list({doubt.column: doubt for doubt in reversed(doubts)}.values())[::-1]
 
 

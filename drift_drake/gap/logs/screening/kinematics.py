@@ -20,8 +20,8 @@ BLOCK = 4  # windows, 1.2 s, within which errors may be alike
 class Kinematics(PerWindow):
     """Windows [windows] in which the car moves; NaN where a column is missing.
 
-    r, v, beta, omega_r, ax, ay, delta_cmd: means. turning, swing, gain, spin, rim_gain: rates of `psi`, `beta`, `v`,
-    `r` and `omega_r`; along, across: acceleration in body axes that `v`, `beta` and `r` make; turned, circling,
+    r, v, psi, beta, omega_r, ax, ay, delta_cmd: means. turning, swing, gain, spin, rim_gain: rates of `psi`, `beta`,
+    `v`, `r` and `omega_r`; along, across: acceleration in body axes that `v`, `beta` and `r` make; turned, circling,
     forward, sideways: means of v r, r^2, v cos(beta) and v sin(beta); course: rate of the direction of travel along
     x, y; heading, yawed: the same of `psi`, and of the angle that `r` turns by, with `beta`; moved: speed along x, y;
     slid: mean of the direction of travel less `psi`.
@@ -31,6 +31,7 @@ class Kinematics(PerWindow):
     block: np.ndarray
     r: np.ndarray
     v: np.ndarray
+    psi: np.ndarray
     beta: np.ndarray
     omega_r: np.ndarray
     ax: np.ndarray
@@ -104,6 +105,7 @@ def _of_run(columns: Columns, period: float, index: int, first_block: int, slowe
         block=first_block + np.arange(len(over.starts)) // BLOCK,
         r=mean(r),
         v=mean(v),
+        psi=mean(psi),
         beta=mean(beta),
         omega_r=mean(column("omega_r")),
         ax=mean(column("ax")),

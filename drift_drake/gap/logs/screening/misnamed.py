@@ -11,6 +11,7 @@ from drift_drake.gap.logs.screening.suspicions import Suspicion
 FEWEST = 12  # windows
 LARGE, BOTH_SIDES = 0.25, 0.05  # of the largest, that so many of the windows go beyond to either side
 BELOW = 0.03  # of a magnitude's size that noise takes it below zero
+SURELY, ABOUT = 0.9, 2.0  # correlation of two columns that are each other, and the factor that they agree within
 LIKE = 0.8  # correlation from which a column follows another
 UNLIKE = 0.5  # below which it does not
 NEARLY_ZERO, FASTEST = 0.5, 150.0  # [m/s] of a car that hardly moves, and of none
@@ -91,6 +92,17 @@ def swapped_accelerations(m: Kinematics) -> list[Suspicion]:
     signs = " and their signs" if any(q < 0.0 for q in strong.values()) else ""
     return [Suspicion(f"columns ax and ay look swapped: {said}; exchange the two{signs} in the mapping", "ax", None,
                       said)]  # fmt: skip
+
+
+def swapped_headings(m: Kinematics) -> list[Suspicion]:
+    """A heading and a yaw rate that are each other: what is called the yaw rate turns by what is called the heading."""
+    kept = np.abs(m.spin) < ABOUT * np.max(np.abs(m.psi), initial=0.0)  # not where a heading jumps by a full turn
+    spin, psi = m.spin[kept], m.psi[kept]
+    crossed = _like(spin, psi)
+    if crossed < SURELY or _like(m.r, m.turning) > UNLIKE or not 1.0 / ABOUT < np.std(spin) / np.std(psi) < ABOUT:
+        return []
+    said = f"the rate of r follows psi (correlation {crossed:.2f})"
+    return [Suspicion(f"columns r and psi look swapped: {said}; exchange the two in the mapping", "r", None, said)]
 
 
 def swapped_speeds(m: Kinematics) -> list[Suspicion]:

@@ -48,8 +48,8 @@ CONCEPTS = {
     "v": "v",
     "r": "r",
     "time": (
-        "time times zeit temps tiempo timestamp timestamps stamp stempel zeitstempel horodatage tow itow uhrzeit uhr "
-        "utc gmt epoch unixtime tijd"
+        "time times zeit temps tiempo tempo timestamp timestamps stamp stempel zeitstempel horodatage tow itow uhrzeit "
+        "uhr utc gmt epoch unixtime tijd"
     ),
     "t": "t ts",
     "date": "date datum datetime",
@@ -83,7 +83,7 @@ CONCEPTS = {
         "diff difference gap residual rest loss friction reserve best interval duration delay latency dead remaining "
         "timeout age period mode gradient noise checksum crc cursor mouse joystick stick touch camera lidar radar "
         "object obstacle lead leading relative rel other traffic closing conveyor average avg trip weather driver "
-        "spin spoiler drone rotor propeller prop anemometer pitot counts"
+        "sign signum vorzeichen signe segno spin spoiler drone rotor propeller prop anemometer pitot counts"
     ),
 }
 PAIRS = {  # words that say two things

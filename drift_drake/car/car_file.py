@@ -1,8 +1,9 @@
 """A car of any kind in a file: single-track, double-track, or a simulator of the user's."""
 
 from pathlib import Path
+from typing import Any
 
-from drift_drake.car.double_track.car_file import read_double_track
+from drift_drake.car.double_track.car_file import double_track_of_data
 from drift_drake.car.double_track.parameters import DoubleTrackParameters
 from drift_drake.car.effects.magnitudes import Effects
 from drift_drake.car.foreign.simulator_car import SimulatorCar, read_simulator
@@ -14,7 +15,7 @@ from drift_drake.car.vehicle_file import (
     check_effects,
     check_plausible,
     effects_of,
-    read_vehicle,
+    single_track_of_data,
 )
 
 
@@ -24,7 +25,11 @@ def read_car(path: str | Path) -> tuple[CarParameters, Effects]:
     Raises:
         InvalidVehicleError: names the file, the key and the remedy.
     """
-    data = vehicle_data(path)
+    return car_of_data(vehicle_data(path), path)
+
+
+def car_of_data(data: Any, path: str | Path) -> tuple[CarParameters, Effects]:
+    """`read_car` of what the file holds."""
     if isinstance(data, dict) and SIMULATOR in data:
         car = read_simulator(data, path)
         effects = effects_of(data.get("effects"), str(path))
@@ -34,7 +39,8 @@ def read_car(path: str | Path) -> tuple[CarParameters, Effects]:
             if getattr(effects, name) != 0.0:
                 raise InvalidVehicleError(f"{path}: effects.{name}: the simulator cannot have it ({why}); leave it out")
         return car, effects
-    return read_double_track(path) if isinstance(data, dict) and DOUBLE_TRACK in data else read_vehicle(path)
+    double_track = isinstance(data, dict) and DOUBLE_TRACK in data
+    return (double_track_of_data if double_track else single_track_of_data)(data, str(path))
 
 
 def read_plant(path: str | Path) -> tuple[VehicleParameters | DoubleTrackParameters, Effects]:

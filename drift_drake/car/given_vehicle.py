@@ -4,12 +4,12 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import NamedTuple
 
-from drift_drake.car.car_file import read_car
+from drift_drake.car.car_file import car_of_data
 from drift_drake.car.double_track.parameters import DoubleTrackParameters
 from drift_drake.car.effects.magnitudes import Effects
 from drift_drake.car.foreign.simulator_car import SimulatorCar
-from drift_drake.car.parameters import CarParameters, InvalidVehicleError, VehicleParameters
-from drift_drake.car.vehicle_file import effects_of, stated_tolerances
+from drift_drake.car.parameters import CarParameters, InvalidVehicleError, VehicleParameters, vehicle_data
+from drift_drake.car.vehicle_file import effects_of, tolerances_in
 
 GivenEffects = Effects | Mapping[str, float]
 Vehicle = str | Path | CarParameters | tuple[CarParameters, GivenEffects]
@@ -33,7 +33,8 @@ def vehicle_given(vehicle: Vehicle) -> GivenVehicle:
         InvalidVehicleError: the file cannot be used, or what was given is no vehicle.
     """
     if isinstance(vehicle, str | Path):
-        return GivenVehicle(*read_car(vehicle), stated_tolerances(vehicle))
+        data = vehicle_data(vehicle)
+        return GivenVehicle(*car_of_data(data, vehicle), tolerances_in(data, vehicle))
     if isinstance(vehicle, CARS):
         return GivenVehicle(vehicle, Effects())
     if isinstance(vehicle, tuple) and len(vehicle) == 2 and isinstance(vehicle[0], CARS):

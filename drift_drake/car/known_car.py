@@ -3,14 +3,18 @@
 from drift_drake.car.double_track.parameters import DoubleTrackParameters
 from drift_drake.car.double_track.step_model import DoubleTrackStepModel
 from drift_drake.car.effects.magnitudes import Effects
-from drift_drake.car.parameters import VehicleParameters
+from drift_drake.car.parameters import CarParameters
 from drift_drake.car.single_track.effects_step import EffectsStepModel, planned_with
+from drift_drake.car.step_model import STEP
 
-KnownVehicle = VehicleParameters | DoubleTrackParameters
 
+def known_car_model(
+    vehicle: CarParameters, effects: Effects, dt: float = STEP
+) -> EffectsStepModel | DoubleTrackStepModel:
+    """The car of either kind with what of its effects can be planned with (`effects_step.planned_with`).
 
-def known_car_model(vehicle: KnownVehicle, effects: Effects) -> EffectsStepModel | DoubleTrackStepModel:
-    """The car of either kind with what of its effects can be planned with (`effects_step.planned_with`)."""
+    dt: [s] of a step of a single-track car; a double-track one has its own.
+    """
     if isinstance(vehicle, DoubleTrackParameters):
         return DoubleTrackStepModel(vehicle, planned_with(effects))
-    return EffectsStepModel(vehicle, planned_with(effects), exact=False)
+    return EffectsStepModel(vehicle.single_track(), planned_with(effects), exact=False, dt=dt)

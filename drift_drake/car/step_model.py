@@ -47,6 +47,8 @@ class StepModel(Protocol):
         ...         return x
     """
 
+    dt: float = STEP
+    """Of a step [s]."""
     internal_scale: Array = np.empty(0)
     """Sizes [m] of the model's further states, which no cost or bound knows."""
 
@@ -115,10 +117,10 @@ class NominalStepModel(StepModel):
         self._constants = parameters.constants()
 
     @classmethod
-    def of(cls, constants: Constants) -> "NominalStepModel":
+    def of(cls, constants: Constants, dt: float = STEP) -> "NominalStepModel":
         """The model of a car's constants."""
         model = cls.__new__(cls)
-        model.dt, model._substeps, model._constants = STEP, SUBSTEPS, constants
+        model.dt, model._substeps, model._constants = dt, SUBSTEPS, constants
         return model
 
     def step(self, x: Array, u: Array, u_next: Array, curvature: Array) -> Array:

@@ -128,9 +128,14 @@ def check_effects(effects: Effects | Mapping[str, float], p: VehicleParameters, 
     _check_settling(changed, f"{source} with its effects")
 
 
+def slowest_driven(c: Any) -> float:
+    """Slowest speed [m/s] that counts as driving (`car.log.driving.slowest`), of a car of these constants."""
+    return SLOWEST * math.sqrt(c.gravity * (c.front_axle_distance + c.rear_axle_distance))
+
+
 def _check_settling(c: Constants, source: str) -> None:
-    """Of a small disturbance at the slowest speed that counts as driving (`car.log.driving.slowest`)."""
-    speed = SLOWEST * math.sqrt(c.gravity * (c.front_axle_distance + c.rear_axle_distance))
+    """Of a small disturbance at the slowest speed."""
+    speed = slowest_driven(c)
     rim = (c.rear_stiffness + c.front_coupling * c.front_stiffness) * c.wheel_radius**2 / (c.rear_axle_inertia * speed)
     turning = c.front_stiffness * c.front_axle_distance**2 + c.rear_stiffness * c.rear_axle_distance**2
     body = max(turning / c.yaw_inertia, (c.front_stiffness + c.rear_stiffness) / c.mass) / speed
@@ -153,18 +158,23 @@ def read_vehicle(path: str | Path) -> tuple[VehicleParameters, Effects]:
         >>> car.mass
         1650.0
     """
-    data: Any = vehicle_data(path)
+    return single_track_of_data(vehicle_data(path), str(path))
+
+
+def single_track_of_data(data: Any, source: str) -> tuple[VehicleParameters, Effects]:
+    """`read_vehicle` of what a file holds; errors name `source`."""
     if isinstance(data, dict) and DOUBLE_TRACK in data:
         raise InvalidVehicleError(
-            f"{path}: holds a double-track car, which 'drift-drake identify', 'check', 'diagnose', 'apply', 'replay' "
+            f"{source}: holds a double-track car, which 'drift-drake identify', 'check', 'diagnose', 'apply', 'replay' "
             "and 'drive' take; give a single-track vehicle file here"
         )
     if isinstance(data, dict) and SIMULATOR in data:
-        raise InvalidVehicleError(f"{path}: {NO_VEHICLE_FILE}")
-    effects = effects_of(data.pop("effects", None) if isinstance(data, dict) else None, str(path))
-    parameters = VehicleParameters.from_dict(data, str(path))
-    check_plausible(parameters, str(path))
-    check_effects(effects, parameters, str(path))
+        raise InvalidVehicleError(f"{source}: {NO_VEHICLE_FILE}")
+    effects = effects_of(data.get("effects") if isinstance(data, dict) else None, source)
+    own = {name: value for name, value in data.items() if name != "effects"} if isinstance(data, dict) else data
+    parameters = VehicleParameters.from_dict(own, source)
+    check_plausible(parameters, source)
+    check_effects(effects, parameters, source)
     return parameters, effects
 
 
@@ -221,7 +231,11 @@ def _numbers(data: Any) -> Any:
 
 def stated_tolerances(path: str | Path) -> frozenset[str]:
     """Names of the tolerances that a vehicle file states; the others have `Tolerance`'s defaults."""
-    data: Any = vehicle_data(path)
+    return tolerances_in(vehicle_data(path), path)
+
+
+def tolerances_in(data: Any, path: str | Path) -> frozenset[str]:
+    """`stated_tolerances` of what the file holds that a car was read from."""
     part = data.get(DOUBLE_TRACK, data.get("car", data))
     if isinstance(part, str):  # a simulator file may name the vehicle file of its car
         return stated_tolerances(Path(path).parent / part)

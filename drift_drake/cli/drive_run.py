@@ -13,9 +13,9 @@ from drift_drake.car.compilation import say_if_it_compiles
 from drift_drake.car.double_track.parameters import CARS, DoubleTrackParameters
 from drift_drake.car.double_track.plant import DoubleTrackPlant
 from drift_drake.car.effects.magnitudes import Effects
-from drift_drake.car.known_car import KnownVehicle, known_car_model
+from drift_drake.car.known_car import known_car_model
 from drift_drake.car.log.table import COLUMNS
-from drift_drake.car.parameters import VehicleParameters
+from drift_drake.car.parameters import CarParameters, VehicleParameters
 from drift_drake.car.sensor_errors import sensor_errors
 from drift_drake.car.single_track.effects_step import EffectsStepModel
 from drift_drake.car.step_model import NominalStepModel, StepModel
@@ -32,7 +32,7 @@ from drift_drake.drive.loop.endings import RunLimits
 from drift_drake.drive.loop.faults import parse_fault
 from drift_drake.drive.loop.metrics import RunMetrics
 from drift_drake.drive.qp.interior_point import attempt
-from drift_drake.drive.reference.similarity import similarity
+from drift_drake.drive.reference.similarity import similarity, time_step
 from drift_drake.drive.reference.trajectory import Reference, figure_8, loops
 from drift_drake.gap.monitoring.in_loop import CORRECTING, GapWatch, verdicts_of
 from drift_drake.gap.monitoring.live_page import shown_while
@@ -57,7 +57,7 @@ class ClosedLoopConfig(DriveOptions):
     """[rad] at the start."""
     control: ControlConfig = dataclasses.field(default_factory=ControlConfig)
 
-    def true_car(self) -> tuple[KnownVehicle, Effects]:
+    def true_car(self) -> tuple[CarParameters, Effects]:
         """The plant's car: the vehicle file's, or a double-track coupe with its effects, which no controller knows."""
         car, effects = self._of_file()
         coupe = self.plant == "double_track" and isinstance(car, VehicleParameters)
@@ -69,7 +69,7 @@ class ClosedLoopConfig(DriveOptions):
         car = self.true_car()[0] if self.vehicle is None else self._of_file()[0]
         return car.single_track() if isinstance(car, DoubleTrackParameters) else car
 
-    def _of_file(self) -> tuple[KnownVehicle, Effects]:
+    def _of_file(self) -> tuple[CarParameters, Effects]:
         return read_plant(self.vehicle) if self.vehicle else (VehicleParameters(), Effects())
 
 
@@ -87,11 +87,12 @@ def reference_of(config: ClosedLoopConfig) -> Reference:
 def build(config: ClosedLoopConfig) -> ClosedLoop:
     """The closed loop that a config describes."""
     parameters, reference = config.parameters(), reference_of(config)
-    model: StepModel = NominalStepModel(parameters)
+    dt = time_step(parameters, config.control.period)
+    model: StepModel = NominalStepModel(parameters, dt)
     adapter: BayesianAdapter | None = None
     (car, effects), errors = config.true_car(), Effects()
     if config.model == "known":
-        model, errors = known_car_model(car, effects), sensor_errors(effects)
+        model, errors = known_car_model(car, effects, dt), sensor_errors(effects)
     elif config.model != "nominal":
         learnt = load_model()
         model = step_model(learnt, learnt.prior())
@@ -111,7 +112,7 @@ def build(config: ClosedLoopConfig) -> ClosedLoop:
             raise InvalidOptionError(
                 f"--monitor {config.monitor} is for --model nominal, not {config.model}; choose watch or slow"
             )
-        model = EffectsStepModel(parameters, Effects(), exact=False)
+        model = EffectsStepModel(parameters, Effects(), exact=False, dt=dt)
     return ClosedLoop(parameters, reference, model, effects, control=config.control, adapter=adapter, plant=plant,
                       faults=faults, watch=watch, sensor_errors=errors)  # fmt: skip
 

@@ -12,8 +12,7 @@ from drift_drake.car.double_track.parameters import CARS
 from drift_drake.car.double_track.plant import DoubleTrackCarPlant
 from drift_drake.car.double_track.step_model import DoubleTrackStepModel
 from drift_drake.car.effects.magnitudes import Effects
-from drift_drake.car.known_car import KnownVehicle
-from drift_drake.car.parameters import VehicleParameters
+from drift_drake.car.parameters import CarParameters, VehicleParameters
 from drift_drake.car.single_track.path_plant import CurvedPath, PathPlant
 from drift_drake.common.errors import InvalidOptionError
 from drift_drake.common.executors import ExecutorConfig, NoClusterError, run_jobs
@@ -163,7 +162,7 @@ def test_a_brush_car_is_another_for_each_vehicle_and_known_to_its_oracle(tmp_pat
 
 @pytest.mark.parametrize("vehicle", [VehicleParameters().replace(mass=1700.0), CARS["saloon"]])
 def test_an_identified_car_is_kept_with_what_was_taught(
-    tmp_path: Path, here: ExecutorConfig, monkeypatch: pytest.MonkeyPatch, vehicle: KnownVehicle
+    tmp_path: Path, here: ExecutorConfig, monkeypatch: pytest.MonkeyPatch, vehicle: CarParameters
 ) -> None:
     car = IdentifiedCar(vehicle, Effects()._replace(torque_lag=0.1))
     monkeypatch.setattr(choice, "identified", lambda *_: car)

@@ -1,6 +1,7 @@
 """A double-track car in a file: its parameters under `double_track:`, and its effects, as YAML."""
 
 import dataclasses
+import math
 from pathlib import Path
 from typing import Any
 
@@ -14,9 +15,11 @@ from drift_drake.car.parameters import (
     check_keys,
     vehicle_data,
 )
-from drift_drake.car.vehicle_file import DOUBLE_TRACK, check_effects, check_plausible, effects_of
+from drift_drake.car.vehicle_file import DOUBLE_TRACK, check_effects, check_plausible, effects_of, slowest_driven
 
 TIRES = ("front_tire", "rear_tire")
+FASTEST_SETTLING = 1e5  # [1/s]; the coupe's rear rims have 5e3 at their slowest
+FAST = 30.0  # [m/s] at which tyres roll through their relaxation
 
 
 def read_double_track(path: str | Path) -> tuple[DoubleTrackParameters, Effects]:
@@ -28,13 +31,44 @@ def read_double_track(path: str | Path) -> tuple[DoubleTrackParameters, Effects]
     data = vehicle_data(path)
     if not isinstance(data, dict) or DOUBLE_TRACK not in data:
         raise InvalidVehicleError(f"{path}: no double-track car; write its parameters under '{DOUBLE_TRACK}:'")
-    check_keys(str(path), "", data, {DOUBLE_TRACK, "effects"})
-    effects = effects_of(data.get("effects"), str(path))
-    car = double_track_from_dict(data[DOUBLE_TRACK], f"{path}: {DOUBLE_TRACK}")
-    check_plausible(car.single_track(), str(path))
-    check_effects(effects, car.single_track(), str(path))
-    check_supported(effects, str(path))
+    return double_track_of_data(data, str(path))
+
+
+def double_track_of_data(data: Any, source: str) -> tuple[DoubleTrackParameters, Effects]:
+    """`read_double_track` of what a file holds; errors name `source`."""
+    check_keys(source, "", data, {DOUBLE_TRACK, "effects"})
+    effects = effects_of(data.get("effects"), source)
+    car = double_track_from_dict(data[DOUBLE_TRACK], f"{source}: {DOUBLE_TRACK}")
+    check_plausible(car.single_track(), source)
+    check_effects(effects, car.single_track(), source)
+    check_supported(effects, source)
+    check_settling(car, source)
     return car, effects
+
+
+def check_settling(car: DoubleTrackParameters, source: str) -> None:
+    """Sees that an integrator can follow what settles fastest: tyres, springs, dampers, wheel loads, rims.
+
+    Raises:
+        InvalidVehicleError: names `source`, the parameter and how fast it settles.
+    """
+    c = car.constants()
+    stiffness = max(c.front_tire.longitudinal_stiffness, c.rear_tire.longitudinal_stiffness)
+    rates = {
+        "roll_damping": c.roll_damping / c.roll_inertia,
+        "front_roll_stiffness": math.sqrt((c.front_roll_stiffness + c.rear_roll_stiffness) / c.roll_inertia),
+        "load_time": 1.0 / c.load_time,
+        "wheel_inertia": stiffness * c.wheel_radius**2 / (c.wheel_inertia * slowest_driven(c)),
+    }
+    for tire in TIRES:
+        for way in ("lateral_relaxation", "longitudinal_relaxation"):
+            rates[f"{tire}.{way}"] = FAST / getattr(getattr(c, tire), way)
+    for name, rate in rates.items():
+        if rate > FASTEST_SETTLING:
+            raise InvalidVehicleError(
+                f"{source}: with this {name} the car settles in {1e6 / rate:.2g} microseconds; no vehicle's does in "
+                f"less than {1e6 / FASTEST_SETTLING:.0f}"
+            )
 
 
 def double_track_from_dict(data: Any, source: str) -> DoubleTrackParameters:

@@ -154,18 +154,18 @@ class EffectsStepModel(StepModel):
         (1, 6)
     """
 
-    def __init__(self, parameters: VehicleParameters, effects: Effects, exact: bool = True) -> None:
+    def __init__(self, parameters: VehicleParameters, effects: Effects, exact: bool = True, dt: float = STEP) -> None:
         check_one_step(effects)
-        self._exact = exact
+        self._exact, self.dt = exact, dt
         self.internal_scale = INTERNAL_SCALE
         self.constants, self.effects = parameters.constants(), effects
-        self._substeps = max(SUBSTEPS, _stable_substeps(effects, STEP))
+        self._substeps = max(SUBSTEPS, _stable_substeps(effects, self.dt))
 
     def of_car(self, constants: Constants, effects: Effects) -> "EffectsStepModel":
         """The same step of another car, whose effects are of the same kind."""
         other = copy.copy(self)
         other.constants, other.effects = constants, effects
-        other._substeps = max(self._substeps, _stable_substeps(effects, STEP))
+        other._substeps = max(self._substeps, _stable_substeps(effects, self.dt))
         return other
 
     def with_theta(self, theta: Array) -> "EffectsStepModel":
@@ -195,7 +195,7 @@ class EffectsStepModel(StepModel):
         if self._parametric:
             return self.linearize(x, u, u_next, curvature)[0]
         x_next = np.empty(x.shape)
-        car = (self.constants, self.effects, STEP, self._substeps)
+        car = (self.constants, self.effects, self.dt, self._substeps)
         _steps(*_contiguous(x, u, u_next, curvature), *car, x_next)
         return x_next
 
@@ -203,7 +203,7 @@ class EffectsStepModel(StepModel):
         if self._parametric:
             return self._linearize_parametric(x, u, u_next, curvature)
         x_next, jacobian = np.empty(x.shape), np.empty((len(x), STATE_SIZE, STATE_SIZE + 4))
-        car = (self.constants, self.effects, STEP, self._substeps)
+        car = (self.constants, self.effects, self.dt, self._substeps)
         jacobians = _jacobians if self._exact else _differences
         jacobians(*_contiguous(x, u, u_next, curvature), *car, x_next, jacobian)
         n = STATE_SIZE
@@ -217,7 +217,7 @@ class EffectsStepModel(StepModel):
         self, x: Array, u: Array, u_next: Array, curvature: Array
     ) -> tuple[Array, Array, Array, Array]:
         """The same of a car with other constants and no more; internal states, which nothing depends on, are held."""
-        car = NominalStepModel.of(changed_constants(self.constants, self.effects))
+        car = NominalStepModel.of(changed_constants(self.constants, self.effects), self.dt)
         count, n = len(x), STATE_SIZE
         x_next, by_x = x.copy(), np.tile(np.eye(n), (count, 1, 1))
         by_u, by_u_next = np.zeros((count, n, 2)), np.zeros((count, n, 2))

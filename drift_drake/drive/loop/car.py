@@ -15,7 +15,7 @@ from drift_drake.car.vehicle_file import check_effects, check_plausible
 from drift_drake.common.selector import select_signals
 
 
-def plant_of(car: CarParameters, effects: Effects, path: CurvedPath | None) -> PathPlant:
+def plant_of_car(car: CarParameters, effects: Effects, path: CurvedPath | None) -> PathPlant:
     """The plant of a car of any kind."""
     if isinstance(car, DoubleTrackParameters):
         return DoubleTrackPlant(car, effects, path)
@@ -66,7 +66,9 @@ class Car(Diagram):
         check_effects(effects, parameters.single_track(), "the car")
         check_causal(effects, "the car")
         builder = DiagramBuilder()
-        self.plant = builder.AddNamedSystem("plant", plant_of(parameters, effects, path) if plant is None else plant)
+        self.plant = builder.AddNamedSystem(
+            "plant", plant_of_car(parameters, effects, path) if plant is None else plant
+        )
         self.sensors = builder.AddNamedSystem("sensors", Sensors(noise, effects, period))
         actuation = self.plant.GetInputPort("actuation")
         delays = command_delays(effects)

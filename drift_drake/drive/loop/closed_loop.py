@@ -41,6 +41,7 @@ from drift_drake.drive.mpc.sqp import SqpOptions
 from drift_drake.drive.mpc.stopping import SafeStop
 from drift_drake.drive.mpc.system_controller import OwnController, controller_system
 from drift_drake.drive.qp.qp import QpMethod
+from drift_drake.drive.reference.similarity import similarity
 from drift_drake.drive.reference.trajectory import Reference
 from drift_drake.drive.screening.screen import Innovation, Screen
 
@@ -56,7 +57,7 @@ class ControlConfig:
         >>> loop = ClosedLoop(car, reference, NominalStepModel(car), control=ControlConfig(horizon=20))
     """
 
-    horizon: int = 25  # N, steps of 0.1 s
+    horizon: int = 25  # N, steps of the model: 0.1 s for a car of the default one's size
     period: float = 0.01  # [s] between plans
     delay: float = 0.01  # [s] from a measurement until its plan is in force
     qp: QpMethod = "stagewise"  # what solves the plans' quadratic programs; osqp alone leaves some of them unsolved
@@ -144,7 +145,8 @@ class ClosedLoop:
             "controller", self._planner(learners, controller, control, 0 if watch is None else watch.effects_size)
         )
         self.actuator = builder.AddNamedSystem("actuator", LinearInterpolationActuator(
-            parameters, control.horizon, DT, control.period, initial_command=self.initial_command
+            parameters, control.horizon, DT if model is None else model.dt, control.period,
+            initial_command=self.initial_command,
         ))  # fmt: skip
         command = self.actuator.GetOutputPort("command")
         received = points.sensors(self.car.GetOutputPort("measured_state"))
@@ -181,8 +183,9 @@ class ClosedLoop:
         if control.tolerance is not None:
             options = SqpOptions.converging(control.tolerance, control.qp)
         mpc = Mpc(
-            learners.model, self.parameters, self.reference, control.horizon, control.weights, options, control.delay,
-            self.initial_command, learners.tightening,
+            learners.model, self.parameters, self.reference, control.horizon,
+            control.weights.of_size(similarity(self.parameters)), options, control.delay, self.initial_command,
+            learners.tightening,
         )  # fmt: skip
         return MpcController(mpc, control.period, learners.theta_size or effects_size)
 

@@ -4,12 +4,12 @@ from typing import Literal
 
 from drift_drake.car.double_track.motion import NOT_OF_THIS_CAR
 from drift_drake.car.double_track.parameters import CARS, DoubleTrackParameters
-from drift_drake.car.double_track.plant import DoubleTrackPlant
 from drift_drake.car.effects.magnitudes import Effects
 from drift_drake.car.known_car import known_car_model
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.car.single_track.path_plant import CurvedPath, PathPlant
 from drift_drake.car.step_model import StepModel
+from drift_drake.drive.loop.car import plant_of_car
 
 TruePlant = Literal["single_track", "double_track", "roadster", "rear_engined", "saloon"]
 """The car of the simulator's equations, or a double-track one: the coupe of its size, or a car of another kind."""
@@ -28,7 +28,7 @@ def effects_on(plant: TruePlant, drawn: Effects) -> Effects:
 def plant_of(plant: TruePlant, effects: Effects, path: CurvedPath | None) -> PathPlant | None:
     """The plant on a path, or on none; None for `Car`'s own, of the simulator's equations."""
     car = double_track_of(plant)
-    return None if car is None else DoubleTrackPlant(car, effects, path)
+    return None if car is None else plant_of_car(car, effects, path)
 
 
 def oracle_of(plant: TruePlant, parameters: VehicleParameters, effects: Effects) -> StepModel:

@@ -122,7 +122,7 @@ class MpcController(LeafSystem):
 
     def _last(self, context: Context, statistics: SolveStatistics) -> MpcSolution | None:
         """The last solution, as the Context holds it."""
-        plan = Plan.of(context.get_discrete_state(self._plan).value())
+        plan = Plan.of(context.get_discrete_state(self._plan).value(), self.mpc.dt)
         primal, dual, both = (
             context.get_discrete_state(index).value() for index in (self._primal, self._dual, self._alternative)
         )

@@ -11,7 +11,7 @@ from drift_drake.common.arrays import Array
 from drift_drake.common.errors import DriftDrakeError
 from drift_drake.drive.learnt.bayesian_step import BayesianStepModel
 from drift_drake.drive.mpc.ocp import OcpData, OcpWeights, OptimalControlProblem
-from drift_drake.drive.mpc.plan import DT, Plan
+from drift_drake.drive.mpc.plan import Plan
 from drift_drake.drive.mpc.sqp import LineSearchSqp, SqpOptions, SqpResult
 from drift_drake.drive.mpc.tightening import LaneTightening, lateral_deviation, tightened
 from drift_drake.drive.reference.trajectory import Reference
@@ -110,7 +110,7 @@ class Mpc:
         model: one step of the car, as the controller believes it.
         parameters: for the limits of the inputs.
         reference: what to drive.
-        horizon: N, steps of 0.1 s.
+        horizon: N, steps of the model.
         weights: of the cost.
         options: of the solver; real-time iterations by default.
         delay: [s] from a measurement until its plan is in force.
@@ -136,6 +136,11 @@ class Mpc:
         self._steering_limit = parameters.steering_limit
         self.tightening = tightening
         self._solver = LineSearchSqp(self.problem, options or SqpOptions.real_time())
+
+    @property
+    def dt(self) -> float:
+        """Of a step of the horizon [s]: the model's."""
+        return self.model.dt
 
     @property
     def multiplier_count(self) -> int:
@@ -170,15 +175,15 @@ class Mpc:
         if last is None:
             now = at_start = later = self._initial_command
         else:
-            now, at_start, later = last.plan.commands(t, start, t + DT)
+            now, at_start, later = last.plan.commands(t, start, t + self.dt)
         curvature = np.atleast_1d(self.reference.path.curvature(s))
         step = model.step(x[None], now[None], later[None], curvature)[0] - x
-        data = self._data(x + self.delay / DT * step, s + self.delay * x[1] * np.cos(x[5]), at_start)
+        data = self._data(x + self.delay / self.dt * step, s + self.delay * x[1] * np.cos(x[5]), at_start)
         alternative, look = None, False
         if last is None:
             guess, dual = self.problem.first_guess(data), np.zeros(self.multiplier_count)
         else:
-            gone = (start - last.plan.start) / DT
+            gone = (start - last.plan.start) / self.dt
             guess, dual = self._shifted(last.primal, gone, data), last.dual
             alternative = last.alternative and last.alternative._replace(
                 primal=self._shifted(last.alternative.primal, gone, data)
@@ -191,7 +196,7 @@ class Mpc:
         result, alternative, restart, seconds = self._or_from_afresh(first, alternative, data, start, look)
         solution = self.problem.unstack(result.z)
         statistics = _statistics(result, float(solution.slack.max()), restart, seconds)
-        return MpcSolution(Plan(start, solution.u), solution.x, result.z, result.y, statistics, alternative)
+        return MpcSolution(Plan(start, solution.u, self.dt), solution.x, result.z, result.y, statistics, alternative)
 
     def _or_from_afresh(
         self, result: SqpResult, alternative: AlternativePlan | None, data: OcpData, start: float, look: bool
@@ -232,7 +237,7 @@ class Mpc:
         return data._replace(e_min=e_min, e_max=e_max)
 
     def _data(self, x: Array, s: float, command: Array) -> OcpData:
-        horizon = self.reference.horizon(s, DT, self.horizon)
+        horizon = self.reference.horizon(s, self.dt, self.horizon)
         return OcpData(x, command, horizon.x_ref, horizon.curvature, horizon.e_min, horizon.e_max, horizon.u_ref)
 
     def _shifted(self, primal: Array, steps: float, data: OcpData) -> Array:

@@ -21,15 +21,15 @@ from pydrake.solvers import MathematicalProgram
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.car.step_model import INPUT_SCALE, STATE_SCALE, StepModel
 from drift_drake.common.arrays import Array
-from drift_drake.drive.mpc.plan import DT
 from drift_drake.drive.qp.stacked import StackedCost, StackedDynamics, StageCost, StageLayout
 from drift_drake.drive.qp.stages import StageBounds, StageRows, Stages, dynamics_pattern
+from drift_drake.drive.reference.similarity import Similarity
 from drift_drake.drive.reference.trajectory import Reference
 
 
 @dataclasses.dataclass(frozen=True)
 class OcpWeights:
-    """Diagonals of Q (per state) and R (per input), and the lane's penalty.
+    """Diagonals of Q (per state) and R (per input), and the lane's penalty, of a car of the default one's size.
 
     Examples:
         >>> mpc = Mpc(NominalStepModel(car), car, reference, weights=OcpWeights(e=10.0))
@@ -45,6 +45,14 @@ class OcpWeights:
     delta: float = 60.0  # [1/rad^2] of a change of steering over one step
     tau: float = 5e-5  # [1/(N m)^2] of a change of torque over one step
     lane_penalty: float = 100.0  # [1/m]
+
+    def of_size(self, units: Similarity) -> "OcpWeights":
+        """The weights that plan for a car of other units as these plan for the default one."""
+        per_rate, per_speed, per_length = units.time, 1.0 / units.speed, 1.0 / units.length
+        return OcpWeights(
+            self.r * per_rate**2, self.v * per_speed**2, self.beta, self.omega_r * per_speed**2,
+            self.e * per_length**2, self.dphi, self.delta, self.tau / units.torque**2, self.lane_penalty * per_length,
+        )  # fmt: skip
 
     def state(self) -> Array:
         """Diagonal of Q [6]."""
@@ -304,10 +312,10 @@ def ocp(
         model: one step of the car; parameters: for the limits of the inputs; reference: what to drive.
         s: path position at the start [m]; x: state there [n], the reference's without.
         command: in force at the start (delta [rad], tau [N m]), the reference's without.
-        horizon: N, steps of 0.1 s; weights: of the cost.
+        horizon: N, steps of the model; weights: of the cost.
     """
     problem = OptimalControlProblem(model, parameters, horizon, weights)
-    along = reference.horizon(s, DT, horizon)
+    along = reference.horizon(s, model.dt, horizon)
     start = np.append(reference.state(s), np.zeros(model.internal_scale.size)) if x is None else np.asarray(x, float)
     in_force = np.asarray(reference.input(s) if command is None else command, dtype=float)
     data = OcpData(start, in_force, along.x_ref, along.curvature, along.e_min, along.e_max, along.u_ref)

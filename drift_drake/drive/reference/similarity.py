@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 from drift_drake.car.effects.record import wheelbase
 from drift_drake.car.parameters import VehicleParameters
+from drift_drake.car.step_model import STEP
 
 
 class Similarity(NamedTuple):
@@ -55,6 +56,11 @@ def similarity(p: VehicleParameters) -> Similarity:
     usual = VehicleParameters()
     length = wheelbase(p) / wheelbase(usual)
     return Similarity(length, math.sqrt(length * usual.gravity / p.gravity), p.mass / usual.mass)
+
+
+def time_step(p: VehicleParameters, period: float, usual: float = STEP) -> float:
+    """Step [s] of a horizon for a car of any size: `usual` for the default one, a multiple of the control period."""
+    return max(round(usual * similarity(p).time / period), 1) * period
 
 
 def copy_of(p: VehicleParameters, size: float) -> VehicleParameters:

@@ -16,9 +16,9 @@ from drift_drake.car.double_track.step_model import DoubleTrackStepModel
 from drift_drake.car.effects.catalogue import CATALOGUE, LIMITS, fitted
 from drift_drake.car.effects.magnitudes import Effects
 from drift_drake.car.given_vehicle import single_track_of
-from drift_drake.car.known_car import KnownVehicle, known_car_model
+from drift_drake.car.known_car import known_car_model
 from drift_drake.car.log.table import COLUMNS, InvalidLogError, Run
-from drift_drake.car.parameters import InvalidVehicleError, VehicleParameters
+from drift_drake.car.parameters import CarParameters, InvalidVehicleError, VehicleParameters
 from drift_drake.car.sensor_errors import SENSORS
 from drift_drake.car.single_track.effects_step import BEYOND, LAGGED, EffectsStepModel
 from drift_drake.common.arrays import Array
@@ -39,7 +39,7 @@ NOT_PLANNED = (*(name for name in BEYOND if name not in (*LAGGED, *SENSORS)), *s
 class IdentifiedCar(NamedTuple):
     """A car as drives show it."""
 
-    vehicle: KnownVehicle
+    vehicle: CarParameters
     effects: Effects
 
     @property

@@ -53,4 +53,3 @@ def asked_parts(runs: Sequence[Run], vehicle: VehicleParameters) -> tuple[list[R
 def liveliness(run: Run) -> float:
     """Lateral acceleration [m/s^2] that a run exceeds in a twentieth of its rows, by yaw rate times speed."""
     return float(np.percentile(np.abs(run.v * run.r), LIVELY))
-

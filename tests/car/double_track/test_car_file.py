@@ -79,3 +79,21 @@ def test_a_tolerance_that_is_none_names_the_file(tmp_path: Path) -> None:
     path.write_text(path.read_text().replace("    friction: 0.01", "    friction: -0.01"))
     with pytest.raises(InvalidVehicleError, match=r"car\.yaml: .*tolerance\.friction is -0\.01; give a standard"):
         read_double_track(path)
+
+
+@pytest.mark.parametrize(
+    ("change", "named"),
+    [
+        ({"load_time": 1e-9}, "load_time"),
+        ({"wheel_inertia": 1e-4}, "wheel_inertia"),
+        ({"roll_inertia": 1e-4}, "roll_damping"),
+        ({"rear_tire": {"lateral_relaxation": 1e-9}}, "rear_tire.lateral_relaxation"),
+    ],
+)
+def test_a_car_that_no_integrator_can_follow_is_refused(tmp_path: Path, change: dict, named: str) -> None:
+    data = CARS["saloon"].to_dict()["double_track"]
+    for name, value in change.items():
+        data[name] = data[name] | value if isinstance(value, dict) else value
+    (tmp_path / "car.yaml").write_text(yaml.safe_dump({"double_track": data}))
+    with pytest.raises(InvalidVehicleError, match=rf"car\.yaml: with this {named} the car settles in .* microseconds"):
+        read_double_track(tmp_path / "car.yaml")

@@ -6,12 +6,16 @@ import numpy as np
 import pytest
 
 from drift_drake.car.parameters import VehicleParameters
+from drift_drake.car.step_model import NominalStepModel
 from drift_drake.car.vehicle_file import check_plausible
 from drift_drake.common.errors import InvalidOptionError
+from drift_drake.drive.mpc.mpc import Mpc
+from drift_drake.drive.mpc.ocp import OcpWeights
+from drift_drake.drive.mpc.sqp import SqpOptions
 from drift_drake.drive.reference.chain import NoTransitionError
 from drift_drake.drive.reference.equilibrium import NoEquilibriumError, drift_equilibrium
-from drift_drake.drive.reference.similarity import copy_of, similarity
-from drift_drake.drive.reference.trajectory import figure_8, loops
+from drift_drake.drive.reference.similarity import copy_of, similarity, time_step
+from drift_drake.drive.reference.trajectory import circle, figure_8, loops
 
 CAR = VehicleParameters()
 
@@ -78,3 +82,29 @@ def test_a_sideslip_that_no_steering_holds_is_said_with_one_that_it_does() -> No
 def test_a_length_that_is_none_is_refused(name: str) -> None:
     with pytest.raises(InvalidOptionError, match="give a number above 0"):
         figure_8(CAR, **{name: -1.0})
+
+
+def test_a_step_goes_with_the_size_in_whole_control_periods() -> None:
+    for period in (0.005, 0.01, 0.02):
+        assert time_step(VehicleParameters(), period) == 0.1
+    assert time_step(copy_of(VehicleParameters(), 0.1), 0.01) == pytest.approx(0.03)
+    assert time_step(copy_of(VehicleParameters(), 1.5), 0.01) == pytest.approx(0.12)
+    assert time_step(copy_of(VehicleParameters(), 0.01), 0.05) == 0.05
+
+
+@pytest.mark.parametrize("size", [0.1, 1.5])
+def test_weights_plan_for_a_copy_as_for_the_default_car(size: float) -> None:
+    """A copy's plan is the default car's, in its own units."""
+    plans = []
+    for car in (VehicleParameters(), copy_of(VehicleParameters(), size)):
+        units = similarity(car)
+        dt = 0.1 * units.time
+        reference = circle(12.0 * units.speed, 12.0 * units.speed, 20.0 * units.time, 0.05 / units.length,
+                           5.0 * units.length)  # fmt: skip
+        weights, command = OcpWeights().of_size(units), tuple(reference.input(0.0))
+        options = SqpOptions.converging(1e-6)
+        mpc = Mpc(NominalStepModel(car, dt), car, reference, 15, weights, options, 0.0, command)
+        x = reference.state(0.0) + np.array([0.0, 0.0, 0.1, 0.0, 0.3 * units.length, 0.0])
+        plans.append(mpc.solve(x, 0.0, 0.0).plan.u / [1.0, units.torque])
+    np.testing.assert_allclose(plans[1][:, 0], plans[0][:, 0], atol=1e-3)
+    np.testing.assert_allclose(plans[1][:, 1], plans[0][:, 1], atol=1.0)

@@ -89,3 +89,30 @@ def test_a_spin_is_no_heading_with_another_zero():
     r, delta = swing - np.gradient(beta, 0.01), 0.1 * np.sin(t)
     columns = {"x": x, "y": y, "psi": course - beta, "r": r, "v": v, "beta": beta, "delta_cmd": delta}
     assert not any("off its heading" in text for text in column_doubts({"t": t} | columns, 0.01))
+
+
+@pytest.mark.parametrize("share", [0.3, 0.5, 0.7])
+@pytest.mark.parametrize("column", ["r", "ay", "omega_r"])
+def test_a_frozen_column_is_named_in_place_of_what_it_makes_of_others(share, column):
+    """A yaw rate that stands still looks like gravity in the lateral acceleration."""
+    table = rows(noise=1.0)
+    at = round((1.0 - share) * len(table["t"]))
+    table[column][at:] = table[column][at]
+    (sentence,) = column_doubts(table, 0.01, WHEELBASE)
+    assert sentence.startswith(f"column {column} is frozen from {table['t'][at]:.2f} to {table['t'][-1]:.2f} s")
+
+
+def test_a_column_that_freezes_twice_is_one_sentence():
+    table = rows(noise=1.0)
+    for at in (200, 700):
+        table["r"][at : at + 150] = table["r"][at]
+    (sentence,) = column_doubts(table, 0.01, WHEELBASE)
+    assert "column r is frozen for 2.98 s in 2 stretches, the first from 2.00 to 3.49 s" in sentence
+
+
+def test_a_heading_and_a_yaw_rate_that_are_each_other_are_one_sentence():
+    table = rows(noise=1.0)
+    table["r"], table["psi"] = table["psi"], table["r"]
+    sentences = column_doubts({name: table[name] for name in ("t", "r", "v", "psi", "ay", "delta_cmd")}, 0.01)
+    assert sentences == [sentence for sentence in sentences if "columns r and psi look swapped" in sentence]
+    assert len(sentences) == 1

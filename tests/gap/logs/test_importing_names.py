@@ -147,3 +147,13 @@ def test_velocities_of_a_fixed_frame_are_no_body_s():
     columns = {"velocity_x": exact["v"] * np.cos(3.0 * course), "velocity_y": exact["v"] * np.sin(3.0 * course)}
     content, _, _ = guessed_mapping([table(speed=exact["v"], yaw_rate=exact["r"], **columns)])
     assert {"v", "r"} == set(content["signals"])
+
+
+@pytest.mark.parametrize("flags", [(0.0, 1.0), (-1.0, 1.0), (-1.0, 0.0, 1.0)])
+def test_a_column_of_signs_is_no_yaw_rate(flags):
+    exact = rows()
+    signs = np.asarray(flags)[(exact["r"] > 0.0).astype(int)]
+    content, _, _ = guessed_mapping([table(yaw_rate=signs, yaw_rate_2=exact["r"], speed=exact["v"])])
+    assert content["signals"]["r"]["column"] == "yaw_rate_2"
+    assert fit("r", "yaw_rate_sign") is None
+    assert fit("r", "Gierrate Vorzeichen") is None

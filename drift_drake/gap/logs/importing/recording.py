@@ -233,7 +233,8 @@ def regular_times(t: Array) -> Array:
 
 
 def _si(name: str, signal: Signal, values: Array, frame: str) -> Array:
-    values = values * factor(signal.unit, dimensions_of(name)) * (signal.radius or 1.0)
+    with np.errstate(over="ignore", invalid="ignore"):  # damaged files hold signalling NaN
+        values = values * factor(signal.unit, dimensions_of(name)) * (signal.radius or 1.0)
     if name in WRAPPED:
         seen = np.isfinite(values)
         values[seen] = np.unwrap(values[seen])

@@ -4,9 +4,10 @@ import dataclasses
 
 import pytest
 
+from drift_drake.car.double_track.parameters import CARS
 from drift_drake.car.effects.magnitudes import Effects
-from drift_drake.car.parameters import VehicleParameters
-from drift_drake.gap.diagnosis.answers.answer import Answer
+from drift_drake.car.parameters import InvalidVehicleError, VehicleParameters
+from drift_drake.gap.diagnosis.answers.answer import Answer, InvalidAnswerError
 from drift_drake.gap.diagnosis.answers.apply import corrected_vehicle
 from drift_drake.gap.estimation.prior import Interval
 
@@ -53,3 +54,20 @@ def test_tolerances_may_be_left_out_and_without_a_cause_nothing_comes_along():
     assert vehicle == CAR
     assert effects == Effects(aero_drag=1.75, steering_offset=0.01)
     assert corrected_vehicle(CAR, dataclasses.replace(NONE, details=DRAG.details)) == (CAR, Effects())
+
+
+def test_deviations_of_a_single_track_file_are_not_put_on_a_double_track_car():
+    off, coupe = dataclasses.replace(DRAG, tolerances=OFF), CARS["coupe"]
+    with pytest.raises(InvalidAnswerError, match=r"monday was diagnosed with a single-track .* or --no-tolerances"):
+        corrected_vehicle(coupe, off)
+    vehicle, effects = corrected_vehicle(coupe, off, tolerances=False)
+    assert vehicle == coupe
+    assert effects.aero_drag == 1.75
+    assert corrected_vehicle(coupe, dataclasses.replace(DRAG, tolerances={"mass": 0.0}))[0] == coupe
+
+
+def test_an_effect_that_a_double_track_car_cannot_have_is_not_put_on_one():
+    loads = dataclasses.replace(DRAG, causes=["lateral_load_transfer"], details={},
+                                magnitudes={"lateral_load_transfer": Interval(0.2, 0.1, 0.3)})  # fmt: skip
+    with pytest.raises(InvalidVehicleError, match="lateral_load_transfer cannot be put on a double-track car"):
+        corrected_vehicle(CARS["coupe"], loads)

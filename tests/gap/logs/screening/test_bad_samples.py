@@ -239,3 +239,14 @@ def test_a_wrapped_heading_is_no_spike_and_is_filled_within_its_turn(case):
     one, _ = screen(bad)
     assert [(part.start, part.stop) for part in one.bad] == [(row, row + 1)]
     assert abs(np.angle(np.exp(1j * (one.run.psi[row] - run.psi[row])))) < 0.02
+
+
+@pytest.mark.parametrize("each", [40, 97])
+def test_spikes_in_two_rows_of_a_hundred_are_no_yardstick_of_themselves(case, each):
+    run = case[0]
+    r = run.r.copy()
+    at = np.arange(30, len(r) - 30, each)
+    r[at] += 2.0 * np.pi
+    one, _ = screen(dataclasses.replace(run, r=r))
+    assert {part.start for part in one.bad if part.column == "r"} == set(at.tolist())
+    np.testing.assert_allclose(one.run.r, run.r, atol=8.0 * NOISE["r"])

@@ -1,6 +1,7 @@
 """`drift-drake init` and `drift-drake drive`: a first vehicle file, and what is refused before the work."""
 
 import dataclasses
+import resource
 from pathlib import Path
 
 import pytest
@@ -62,3 +63,9 @@ def test_bad_input_is_one_sentence(
     error = capsys.readouterr().err
     assert says in error
     assert error.count("\n") == 1
+
+
+def test_too_little_address_space_is_said_before_the_libraries_try_for_ever(monkeypatch, capsys):
+    monkeypatch.setattr("resource.getrlimit", lambda _: (700 << 20, resource.RLIM_INFINITY))
+    assert main(["effects"]) == 2
+    assert "700 MB of address space (ulimit -v) are too few" in capsys.readouterr().err

@@ -6,6 +6,7 @@ when its command is given, and imports in turn what is slow to import once its o
 
 import difflib
 import io
+import resource
 import sys
 import textwrap
 from collections.abc import Callable, Sequence
@@ -48,6 +49,8 @@ COMMANDS = {
     "train": Command("drift_drake.cli.train", "the Bayesian vehicle model, meta-trained"),
 }
 
+LEAST_MEMORY = 1 << 30  # bytes of address space that the libraries take before anything is read
+
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Entry point of `drift-drake`; bad input ends with one sentence and exit code 2."""
@@ -67,12 +70,23 @@ def _run(words: list[str]) -> int:
         print(f"drift-drake {version('drift_drake')}")
     else:
         name, *rest = words
+        check_memory()
         with ended_at_once():
             import tyro
 
             options, run = load(name)
         return run(tyro.cli(options, prog=f"drift-drake {name}", args=rest)) or 0
     return 0
+
+
+def check_memory() -> None:
+    """Raises InvalidOptionError where the process may not have what the numerical libraries take: they try for ever."""
+    limit, _ = resource.getrlimit(resource.RLIMIT_AS)
+    if limit != resource.RLIM_INFINITY and limit < LEAST_MEMORY:
+        raise InvalidOptionError(
+            f"{limit >> 20} MB of address space (ulimit -v) are too few for the numerical libraries; allow "
+            f"{LEAST_MEMORY >> 20} MB or more"
+        )
 
 
 def load(name: str) -> tuple[type, Callable[[Any], int | None]]:

@@ -67,7 +67,7 @@ class ClosedLoopConfig(DriveOptions):
         """What the controller is set up for: the vehicle file's car, the default coupe, or the single-track car that is
         nearest to a double-track one."""
         car = self.true_car()[0] if self.vehicle is None else self._of_file()[0]
-        return car.single_track() if isinstance(car, DoubleTrackParameters) else car
+        return car.single_track()
 
     def _of_file(self) -> tuple[CarParameters, Effects]:
         return read_plant(self.vehicle) if self.vehicle else (VehicleParameters(), Effects())

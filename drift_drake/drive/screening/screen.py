@@ -269,7 +269,7 @@ class Screen(LeafSystem):
                 if not holding.wrong(model.noise):
                     fused = learnt(last.fused, x - expected, rates, model.noise, self._period)
                     return JudgedReading(kind, x, fused=fused, holding=holding)
-                alone = BETA
+                alone: int | None = BETA
                 moved, fused = holding.without(x, model.noise)
                 holding = Holding(good=0.0, doubted=DOUBTED)
             else:

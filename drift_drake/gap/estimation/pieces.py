@@ -36,7 +36,7 @@ def pieces_of(run: Run, seconds: float, longest: float = np.inf) -> list[Run]:
     ]
 
 
-def spread(pieces: Sequence[Run], most: float, later: Sequence[bool] | None = None) -> list[int]:
+def spread(pieces: Sequence[Run], most: float, later: Sequence[bool] | np.ndarray | None = None) -> list[int]:
     """Indices of pieces that last so long together [s], or of one, spread evenly; those `later` after all others.
 
     Multiples of the golden ratio fall evenly and in no rhythm: manoeuvres that take turns are all met.

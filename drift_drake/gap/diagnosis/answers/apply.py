@@ -3,7 +3,7 @@
 from drift_drake.car.double_track.motion import check_supported
 from drift_drake.car.double_track.parameters import DoubleTrackParameters
 from drift_drake.car.effects.magnitudes import Effects, combined, make_effects
-from drift_drake.car.parameters import RELATIVE, SomeCar, VehicleParameters
+from drift_drake.car.parameters import RELATIVE, CarParameters, SomeCar, VehicleParameters
 from drift_drake.gap.diagnosis.answers.answer import Answer, InvalidAnswerError
 
 
@@ -32,11 +32,7 @@ def corrected_vehicle(
     for name, value in answer.details.get("with", {}).items() if answer.causes else ():
         magnitudes[name] = magnitudes.get(name, 0.0) + float(value)
     if tolerances and any(answer.tolerances.values()):
-        if not isinstance(vehicle, VehicleParameters):
-            raise InvalidAnswerError(
-                f"{answer.case} was diagnosed with a single-track vehicle file, from which its deviations within "
-                "tolerance are; give that file, or --no-tolerances"
-            )
+        check_single_track(vehicle, answer)
         car, n, t = vehicle.single_track(), answer.tolerances, vehicle.tolerance
         changes = {name: getattr(car, name) * (1.0 + n.get(name, 0.0) * getattr(t, name)) for name in RELATIVE}
         shift = n.get("front_axle_distance", 0.0) * t.front_axle_distance
@@ -51,3 +47,12 @@ def corrected_vehicle(
     if isinstance(vehicle, DoubleTrackParameters):
         check_supported(effects, answer.case)
     return vehicle, effects
+
+
+def check_single_track(vehicle: CarParameters, answer: Answer) -> None:
+    """Raises InvalidAnswerError where an answer's deviations cannot be put on the vehicle: of a vehicle file."""
+    if not isinstance(vehicle, VehicleParameters):
+        raise InvalidAnswerError(
+            f"{answer.case} was diagnosed with a single-track vehicle file, from which its deviations within "
+            "tolerance are; give that file, or --no-tolerances"
+        )

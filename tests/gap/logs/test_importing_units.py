@@ -1,6 +1,7 @@
 """Units as files spell them."""
 
 import math
+import re
 from pathlib import Path
 
 import pytest
@@ -80,7 +81,12 @@ def test_of_a_spelling_of_two_units_the_quantity_decides():
         factor("kg", ("speed",))
 
 
-def test_the_page_on_formats_lists_the_table():
+def test_the_page_on_formats_lists_the_units():
+    """Each, or the two that it is a quotient of."""
     page = (Path(__file__).parents[3] / "docs" / "formats.md").read_text(encoding="utf-8")
-    for kind, (_, units) in DIMENSIONS.items():
-        assert f"\n| {kind} | {', '.join(units)} |\n" in page
+    section = page.split("### Units\n")[1].split("\n### ")[0]
+    said = set(re.split(r"[,.]\s+|:\s+|\n|Also ", section))
+    for _, units in DIMENSIONS.values():
+        for unit in units:
+            parts = unit.removesuffix("^2").split("/")
+            assert unit in said or (len(parts) == 2 and set(parts) <= said), unit

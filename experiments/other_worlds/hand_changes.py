@@ -16,6 +16,7 @@ from typing import Any
 from diagrams.command import run_command
 from drift_drake.car.effects.catalogue import CATALOGUE
 from drift_drake.car.log.table import IMPORT_REPORT, Run, read_case, write_run
+from drift_drake.common.errors import DriftDrakeError
 from drift_drake.common.run_folder import make_run_folder, write_json, write_versions
 from drift_drake.common.safe_files import write_text
 from drift_drake.gap.identification.options import Criterion
@@ -65,6 +66,10 @@ class Study:
     changed: bool = False  # asked with changes, too
 
 
+class NoDataError(DriftDrakeError, FileNotFoundError):
+    """A folder of a data set has no recordings."""
+
+
 SMALL, RACER = VEHICLES / "small_car.yaml", VEHICLES / "racer.yaml"
 
 
@@ -98,7 +103,16 @@ def prepared(folder: Path, recordings: Sequence[Path], mapping: RecorderMapping,
 
 
 def import_all(config: HandChanges, logs: Path) -> tuple[list[str], list[str]]:
-    """Makes all cases; names of the small car's recordings on floor a, and of the racer's parts."""
+    """Makes all cases; names of the small car's recordings on floor a, and of the racer's parts.
+
+    Raises:
+        NoDataError: a folder has no recordings.
+    """
+    for part in ("dart/floor_a", "dart/floor_b", "dart/free_driving", "revs_250lm"):
+        if not any((config.data / part).glob("*.csv")):
+            raise NoDataError(
+                f"{config.data / part}: has no recordings (*.csv); give the folder of both data sets (--data)"
+            )
     dart = read_mapping("dart")
     dart = dataclasses.replace(dart, formulas={**dart.formulas, **RIM_SPEED})
     recordings = {name: sorted((config.data / "dart" / name).glob("*.csv"))

@@ -109,8 +109,12 @@ def worlds_by_name(worlds: Sequence[Path], baseline: str) -> dict[str, Path]:
     """Checked folders by their names, which tell answers apart.
 
     Raises:
-        InvalidWorldError: one is no world, or two have the same name.
+        InvalidWorldError: there is none, one is no world, or two have the same name.
     """
+    if not worlds:
+        raise InvalidWorldError(
+            "no worlds; make some with 'python -m experiments.other_worlds.make_worlds', and give their folders"
+        )
     out = {world.resolve().name: checked(world, baseline) for world in worlds}
     if len(out) < len(worlds):
         raise InvalidWorldError("two worlds have the same name; rename one folder")

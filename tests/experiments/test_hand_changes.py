@@ -8,7 +8,14 @@ import pytest
 from drift_drake.car.actuated import STAGES, first_order_lag
 from drift_drake.car.log.table import Run, read_case, write_run
 from experiments.other_worlds.changes import CHANGES
-from experiments.other_worlds.hand_changes import magnitudes_of, studies_of, write_changed
+from experiments.other_worlds.hand_changes import (
+    HandChanges,
+    NoDataError,
+    import_all,
+    magnitudes_of,
+    studies_of,
+    write_changed,
+)
 from experiments.other_worlds.hand_scores import hand_text, write_scores
 from experiments.other_worlds.scoring import Row
 
@@ -127,3 +134,8 @@ def test_the_table_tells_logs_as_they_are_and_each_change(tmp_path):
     assert "- split: no torque_gain_error, no column" in text
     write_scores(rows, {}, {}, "", tmp_path)
     assert json.loads((tmp_path / "scores.json").read_text())["all"]["right"]["hits"] == 2
+
+
+def test_data_that_are_not_there_are_one_sentence(tmp_path):
+    with pytest.raises(NoDataError, match="dart/floor_a: has no recordings"):
+        import_all(HandChanges(data=tmp_path), tmp_path / "logs")

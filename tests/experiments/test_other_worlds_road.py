@@ -321,3 +321,8 @@ def test_a_world_is_there_only_when_it_is_whole(tmp_path):
     with pytest.raises(MissingWorldError, match="no tyres"):
         make_worlds.make_world(broken)
     assert not broken.out.exists()
+
+
+def test_no_worlds_are_one_sentence():
+    with pytest.raises(road.InvalidWorldError, match="no worlds; make some with"):
+        road.worlds_by_name([], "day_one")

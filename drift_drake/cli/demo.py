@@ -18,8 +18,8 @@ SAMPLE_LOG = files("drift_drake") / "data" / "sample_log"
 PAGES = {"report": "report.html", "replay": "replay.html", "drive": "drive/replay.html"}
 HEAD = """\
 # What a simulator believes of a car: a single track with brush tyres, SI units, ISO 8855.
-# The numbers are those of a plausible coupe: put in your car's. `drift-drake identify` estimates from logs of a day
-# of driving what cannot be measured with scales or a tape measure.
+# The numbers are those of a plausible coupe: replace them by those of your car. `drift-drake identify` estimates from
+# logs of a day of driving what cannot be measured with scales or a tape measure.
 """
 COMMENTS = {
     "mass": "with driver and fuel, as on the scales",
@@ -131,7 +131,7 @@ def run_init(command: Init) -> None:
         raise OutputError(f"{command.out}: is there already; give another name")
     try_outputs({"OUT": command.out, "--json": command.json})
     write_text(command.out, starter_vehicle())
-    print(f"{command.out}: a coupe, one parameter a line; put in your car's, then drift-drake drive figure_8 "
+    print(f"{command.out}: a coupe, one parameter a line; replace them by your car's, then: drift-drake drive figure_8 "
           f"--vehicle {command.out}", file=said_to(command.json))  # fmt: skip
     write_results(command.json, {"out": command.out, "vehicle": VehicleParameters()})
 

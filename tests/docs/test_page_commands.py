@@ -82,6 +82,8 @@ def test_what_a_commands_end_says_of_its_page() -> None:
     assert judged(command, 2, "", "warning\nDATA: no such folder").verdict == "not checked"
     assert judged(command, 2, "", "runs/drives/held_out.npz: no such file; make it").verdict == "not checked"
     assert judged(command, 2, "", "runs/saloon: has no start.yaml; make it with x").verdict == "not checked"
+    assert judged(command, 2, "", "module: car.yaml: cannot be read (No such file or dir").verdict == "not checked"
+    assert judged(command, 2, "", "module: docs/car.yaml: cannot be read (No such file").verdict == "false"
     assert judged(command, 2, "", "docs/held_out.npz: no such file").verdict == "false"
     assert judged(command, 2, "", "no first guess led to a plan") == (
         "false", "exit code 2: no first guess led to a plan",

@@ -80,7 +80,7 @@ BAD = {
     "no simulator": ({"python": None}, r"names 0 simulators; give one of python: MODULE:FUNCTION"),
     "two": ({"fmu": "car.fmu"}, r"names 2 simulators"),
     "no function": ({"python": "bicycle"}, r"simulator\.python: is 'bicycle'; give MODULE:FUNCTION"),
-    "unknown key": ({"ouputs": {}}, r"unknown key 'simulator\.ouputs'; known keys are"),
+    "unknown key": ({"output_names": {}}, r"unknown key 'simulator\.output_names'; known keys are"),
     "no steering": ({"inputs": {"torque": "t"}}, r"inputs: steering is missing"),
     "no torque": ({"inputs": {"steering": "s"}}, r"inputs: torque is missing"),
     "unknown quantity": ({"inputs": {"stering": "s"}}, r"inputs: unknown quantity 'stering'; did you mean steering"),

@@ -212,8 +212,12 @@ def write_vehicle(
 
 
 def vehicle_hash(parameters: CarParameters, effects: Effects) -> str:
-    """SHA-256 of a vehicle file's numbers: the same however they are laid out and commented."""
-    return hashlib.sha256(json.dumps(_numbers(_plain(parameters, effects)), sort_keys=True).encode()).hexdigest()
+    """SHA-256 of a vehicle file's numbers: the same however they are laid out and commented.
+
+    Of a simulator of the user's, of the file that it is in, too (`SimulatorCar.source_hash`).
+    """
+    numbers = json.dumps(_numbers(_plain(parameters, effects)), sort_keys=True)
+    return hashlib.sha256((numbers + getattr(parameters, "source_hash", "")).encode()).hexdigest()
 
 
 def _plain(parameters: CarParameters, effects: Effects) -> dict[str, Any]:

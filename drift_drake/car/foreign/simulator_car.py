@@ -1,6 +1,7 @@
 """A car whose equations are a simulator of the user's, read from a simulator file."""
 
 import dataclasses
+import hashlib
 import json
 import math
 from pathlib import Path
@@ -55,6 +56,13 @@ class SimulatorCar:
 
     def single_track(self) -> VehicleParameters:
         return self.car
+
+    @property
+    def source_hash(self) -> str:
+        """SHA-256 of the FMU, or of the module's file where it lies in the simulator's folder; empty elsewhere."""
+        s = self.simulator
+        path = Path(s.target if s.kind == "fmu" else f"{s.folder}/{s.target.partition(':')[0].replace('.', '/')}.py")
+        return hashlib.sha256(path.read_bytes()).hexdigest() if path.is_file() else ""
 
     def to_dict(self) -> dict[str, Any]:
         """Plain data, as in a simulator file; the torque's ratio holds the gain that was found."""

@@ -41,6 +41,16 @@ def test_it_is_read_back_with_other_parameters_and_effects(tmp_path: Path) -> No
     assert stated_tolerances(other) >= {"friction", "mass"}
 
 
+def test_another_version_of_the_simulator_is_another_vehicle(tmp_path: Path) -> None:
+    path = written(tmp_path)
+    path.write_text(path.read_text().replace(str(Path(__file__).parent), str(tmp_path)))
+    hashes = set()
+    for text in ("one", "two", "two"):
+        (tmp_path / "bicycle.py").write_text(f"# {text}\n")
+        hashes.add(vehicle_hash(car_of(path), Effects()))
+    assert len(hashes) == 2
+
+
 def test_units_signs_ratios_and_offsets(tmp_path: Path) -> None:
     inputs = DATA["simulator"]["inputs"] | {"steering": {"name": "steer", "unit": "deg", "ratio": 15, "sign": -1}}
     outputs = DATA["simulator"]["outputs"] | {"omega_r": {"name": "w", "unit": "rpm"},

@@ -148,7 +148,7 @@ def test_workers_that_cannot_start_are_reported(monkeypatch: pytest.MonkeyPatch)
         results_of(ExecutorConfig(workers=2), slow_square, range(3), "job")
 
 
-def short_of_memory(_worker: object) -> None:
+def short_of_memory(_worker: object, _context: object) -> None:
     raise OSError(errno.ENOMEM, os.strerror(errno.ENOMEM))
 
 

@@ -206,7 +206,9 @@ class _Pool:
             for worker in [*self._workers, *self._leaving]:
                 worker.end(0.0 if self._stopped else PATIENCE)
             for task in [*self._waiting, *(worker.task for worker in self._workers if worker.task is not None)]:
-                if not task.future.cancel():
+                if task.future.cancel():
+                    task.future.set_running_or_notify_cancel()  # who waits for it is told
+                else:
                     task.future.set_exception(WorkerEndedError("its process was ended"))
 
     def _busy(self) -> int:

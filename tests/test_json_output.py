@@ -16,6 +16,7 @@ from drift_drake.gap.diagnosis.answers.answer import read_answer
 from drift_drake.gap.next_drive import foresight
 from drift_drake.gap.next_drive import plan as next_drive
 from drift_drake.gap.next_drive.plan import NextDrive
+from tests.car.foreign.bicycle import written
 
 pytestmark = pytest.mark.usefixtures("undrawn")
 
@@ -37,6 +38,7 @@ WORDS = {  # of each command, and keys that its JSON has
     "replay": (["DIR/car/day/run_0.csv", "--vehicle", "CAR"], {"log", "restart"}),
     "watch": (["DIR/car/day/run_0.csv", "--vehicle", "CAR"], {"t", "event"}),
     "fleet": (["DIR", "--vehicle", "CAR", "--workers", "1"], {"cars", "days", "terms"}),
+    "simulator": (["check", "DIR/simulator.yaml"], {"findings", "seconds_per_rollout", "lacking"}),
     "effects": ([], {"aero_drag", "gyro_bias"}),
     "export": (["CAR", "--format", "mujoco", "--out", "DIR/car.xml"], {"files", "left_out"}),
     "train": (["--data", "DIR/new.npz", "--output", "DIR/model.npz"], {"out", "record"}),
@@ -53,6 +55,7 @@ def folder(tmp_path_factory):
     driven = ["--vehicle", str(folder / "real.yaml"), "--out", str(log), "--duration", "6"]
     assert main(["simulate", "slalom", *driven]) == 0
     assert main(with_places([*WORDS["diagnose"][0], "--json", "ANSWER"], folder, "diagnose")) == 0
+    written(folder)
     pd.read_csv(log)[["t", "r", "v", "delta_cmd"]].to_csv(folder / "lap.csv", index=False)
     return folder
 

@@ -207,7 +207,7 @@ class _Pool:
                 worker.end(0.0 if self._stopped else PATIENCE)
             for task in [*self._waiting, *(worker.task for worker in self._workers if worker.task is not None)]:
                 if task.future.cancel():
-                    task.future.set_running_or_notify_cancel()  # who waits for it is told
+                    task.future.set_running_or_notify_cancel()  # who waits for it hears of it
                 else:
                     task.future.set_exception(WorkerEndedError("its process was ended"))
 

@@ -19,6 +19,7 @@ from tqdm import tqdm
 from diagrams.command import run_command
 from drift_drake.car.car_file import read_car, read_simulator_car
 from drift_drake.car.effects.magnitudes import Effects, make_effects, measured
+from drift_drake.car.equations import folded_into
 from drift_drake.car.foreign.along import inputs_along
 from drift_drake.car.foreign.asked import job_of, motion_of
 from drift_drake.car.foreign.pool import end_workers, roll_all
@@ -84,15 +85,13 @@ def commands(
 
 def driven(car: SimulatorCar, effects: Effects, given: Array, speed: float) -> Array:
     """r, v, beta, omega_r, psi [rows, 5] of the simulator under commands [rows, 2] from a straight start."""
-    simulator, constants = car.simulator, car.simulator.changed_constants(car.constants(), effects)
-    rest = effects._replace(**dict.fromkeys(simulator.FOLDED, 0.0))
-    steps = max(int(np.ceil(PERIOD / simulator.step - 1e-9)), 1)
+    simulator = dataclasses.replace(car.simulator, limit=600.0)  # twelve seconds, not half a one
+    constants, rest = folded_into(car.constants()._replace(simulator=simulator), effects)
+    steps = simulator.steps_in(PERIOD)
     start = np.array([[0.0, speed, 0.0, speed, 0.0]])
     found = np.repeat(start, len(given), axis=0)
-    simulator = dataclasses.replace(simulator, limit=600.0)  # twelve seconds, not half a one
-    constants = constants._replace(simulator=simulator)
     for _ in range(ROUNDS if any(getattr(rest, name) for name in FORCES) else 1):
-        inputs = inputs_along((given[:, 0], given[:, 1]), found, PERIOD, constants, rest, steps)
+        inputs = inputs_along((given[:, 0], given[:, 1]), found, PERIOD, constants, rest)
         (got,) = roll_all([job_of(constants, PERIOD / steps, start, {name: q[None] for name, q in inputs.items()})])
         found = np.nan_to_num(motion_of(simulator, got, PERIOD / steps)[0, ::steps])
     return found

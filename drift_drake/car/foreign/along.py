@@ -11,17 +11,17 @@ from drift_drake.common.arrays import Array
 
 def inputs_along(
     commands: tuple[Array, Array], motion: Array, period: float, constants: SimulatorConstants, effects: Effects,
-    steps: int, bank: Array | None = None, push: Array = NO_PUSH,
+    bank: Array | None = None, push: Array = NO_PUSH,
 ) -> dict[str, Array]:  # fmt: skip
-    """Inputs by quantity [(rows - 1) * steps + 1], SI, along a whole run.
+    """Inputs by quantity [(rows - 1) * steps + 1], SI, along a whole run; steps: `Simulator.steps_in` its period.
 
     Args:
         commands: road-wheel angle [rad] and engine torque [N m], each [rows]; motion: r, v, beta, omega_r, psi
             [rows, 5], SI, sensors' errors taken out; period: between rows [s]; effects: those that are no parameters of
-            the simulator; steps: of the simulator in a row; bank: of the road [rows, rad]; push: further force
+            the simulator; bank: of the road [rows, rad]; push: further force
             (F_x, F_y) [N] and yaw moment [N m] on the body [rows, 3], none with zero rows.
     """
-    rows = len(motion)
+    rows, steps = len(motion), constants.simulator.steps_in(period)
     before = (float(commands[0][0]), float(commands[1][0]))
     delta, torque = actuated(*commands, before, period, effects)
     fine = np.arange((rows - 1) * steps + 1) / steps

@@ -4,9 +4,10 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from drift_drake.car.foreign.along import between
 from drift_drake.car.foreign.rollouts import Job
 from drift_drake.car.foreign.simulator import Simulator, SimulatorConstants
-from drift_drake.common.arrays import Array
+from drift_drake.common.arrays import Array, Index
 
 CHANNELS = ("r", "v", "beta", "omega_r", "psi")
 
@@ -27,6 +28,26 @@ def job_of(
         {signal.name: signal.own(np.asarray(inputs[key])) for key, signal in s.inputs.items() if key in inputs},
         tuple(dict.fromkeys(signal.name for signal in s.outputs.values())), constants.by_name(),
     )  # fmt: skip
+
+
+def job_along(
+    constants: SimulatorConstants, period: float, motion: Array, signals: Mapping[str, Array], begin: Index, lead: int,
+    rows: int,
+) -> Job:  # fmt: skip
+    """Roll-outs along a run.
+
+    Args:
+        period: between the run's rows [s]; motion: measured, [rows of the run, 5], SI; signals: inputs along it
+            (`along.inputs_along`); begin: row that each begins at [n], `lead` rows of lead-in before what counts;
+        rows: that they last, from there.
+    """
+    steps = constants.simulator.steps_in(period)
+    at = np.arange(steps * rows + 1)
+    grid = (steps * begin)[:, None] + at
+    inputs = {name: values[grid] for name, values in signals.items()}
+    inputs["lead_in"] = np.broadcast_to(np.where(at < steps * lead, 1.0, 0.0), grid.shape)
+    held = between(motion, begin[:, None] + at[: steps * lead + 1] / steps) if lead else None
+    return job_of(constants, period / steps, motion[begin], inputs, held)
 
 
 def start_values(simulator: Simulator, motion: Array) -> dict[str, Array]:

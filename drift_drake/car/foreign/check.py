@@ -94,7 +94,7 @@ class _Trial:
         start: Array | None = None,
     ) -> Array:  # fmt: skip
         """Motion [rows, 5] under steps of inputs, from 0.1 s on; parts: of a row, that the simulator is given."""
-        steps = parts * max(math.ceil(ROW / self.simulator.step - 1e-9), 1)
+        steps = parts * self.simulator.steps_in(ROW)
         rows = (ROWS - 1) * steps + 1
         on = np.clip(np.arange(rows) / (10.0 * steps), 0.0, 1.0)
         values = {name: inputs.get(name, 0.0) * on[None] for name in ("steering", "torque", *FORCES)}
@@ -165,10 +165,8 @@ def _started(trial: _Trial) -> list[Finding]:
     """Whether start values are where the motion begins."""
     out, s = [], trial.simulator
     tried = {"r": 0.2 * trial.speed / 12.0, "v": 1.2 * trial.speed, "beta": 0.08, "omega_r": 1.05 * trial.speed}
-    both = "v_x" in s.start and "v_y" in s.start
     for name, value in tried.items():
-        settable = name in s.start or (name in ("v", "beta") and both)
-        if not settable or not s.gives(name):
+        if not (s.sets(name) and s.gives(name)):
             continue
         at = CHANNELS.index(name)
         moved = trial.roll(start=trial.start(**{name: value}))[:, at] - trial.rest[:, at]
@@ -242,7 +240,7 @@ def _steps(trial: _Trial) -> list[Finding]:
     whole, half = trial.roll(inputs), trial.roll(inputs, parts=2)
     size = np.nanmax(np.abs(whole - whole[:1]), axis=0) + 1e-6
     apart = float(np.nanmax(np.nanmax(np.abs(whole - half), axis=0) / size))
-    step = ROW / max(math.ceil(ROW / trial.simulator.step - 1e-9), 1)
+    step = ROW / trial.simulator.steps_in(ROW)
     if not apart < COARSE:
         return [Finding("wrong", f"half the step of {1e3 * step:g} ms changes the motion by {100 * apart:.2g} %: it is "
                         f"too long; give step: {0.25 * step:g}, or let the simulator take smaller ones")]  # fmt: skip

@@ -83,8 +83,9 @@ class _Pool:
         """Keeps what roll-outs cost and which failed."""
         with self._lock:
             before = self.cost.get(key, Cost())
-            each = seconds / max(count, 1)
-            newest = each if before.count == 0 else before.seconds + SMOOTHED * (each - before.seconds)
+            each, newest = seconds / max(count, 1), before.seconds
+            if seconds > 0.0:  # those that ended their process say nothing of the cost
+                newest = each if newest == 0.0 else newest + SMOOTHED * (each - newest)
             self.cost[key] = Cost(newest, before.count + count, before.failed + len(failures),
                                      failures[-1] if failures else before.why)  # fmt: skip
 

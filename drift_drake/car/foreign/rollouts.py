@@ -82,7 +82,7 @@ def roll(job: Job) -> Rolled:
                 for name in job.outputs:
                     out[name][at] = output(got, name, out[name][at].shape)
             except Exception as error:  # of any class that a user's code raises
-                failures.append(_said(error))
+                failures += [_said(error)] * (count if job.batch else 1)
         seconds = time.perf_counter() - began
     return Rolled(out, tuple(failures), seconds)
 

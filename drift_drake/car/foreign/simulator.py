@@ -3,6 +3,7 @@
 import dataclasses
 import hashlib
 import json
+import math
 from collections.abc import Mapping
 from functools import cached_property
 from typing import Any, Literal, NamedTuple
@@ -95,7 +96,6 @@ class Simulator:
 
     def _why_not(self, name: str, effect: Effect) -> str:
         """What it lacks for an effect; empty where it can have it."""
-        needs = [*effect.remembers, *((effect.delays,) if effect.delays else ())]
         if effect.rate is not None:
             return "it has a state of its own, which a simulator of yours cannot be given"
         if name in CHANGES:
@@ -109,17 +109,21 @@ class Simulator:
         if effect.stage == "sensor":
             lacks = [one for one in effect.needs if one not in ("psi", "r") and not self.gives(one)]
             return f"no output {' and '.join(lacks)}" if lacks else ""
-        if name in THROUGH_TORQUE or ("tau_cmd" in needs and effect.stage == "actuator"):
-            return "" if TORQUE in self.inputs else "no input torque"
-        if effect.stage in ("actuator", "command"):
-            return "" if STEERING in self.inputs else "no input steering"
-        return "it is inside the simulator's equations"
+        # Every simulator has inputs for both commands.
+        around = name in THROUGH_TORQUE or effect.stage in ("actuator", "command")
+        return "" if around else "it is inside the simulator's equations"
 
     def gives(self, channel: str) -> bool:
         """Whether its outputs say a channel of a log: r, v, beta, omega_r or psi."""
-        has = self.outputs
-        both = "v_x" in has and "v_y" in has
-        return channel in has or (channel in ("v", "beta") and both) or (channel == "psi" and "r" in has)
+        return _holds(self.outputs, channel) or (channel == "psi" and "r" in self.outputs)
+
+    def sets(self, channel: str) -> bool:
+        """Whether a roll-out can begin at a measured channel."""
+        return _holds(self.start, channel)
+
+    def steps_in(self, period: float) -> int:
+        """Rows of its inputs from one row of a log to the next, `period` [s] later."""
+        return max(math.ceil(period / self.step - 1e-9), 1)
 
     def left_out(self) -> list[str]:
         """What it cannot have and why, a sentence a reason."""
@@ -129,9 +133,6 @@ class Simulator:
         return [f"{', '.join(some)} ({why})" for why, some in names.items()]
 
     # What `car.equations.kind_of` gives of any car:
-
-    SIZE = 5
-    STEPPED = True
 
     @property
     def LACKS(self) -> tuple[str, ...]:  # noqa: N802
@@ -168,6 +169,11 @@ class Simulator:
                     values[own] = values[own] * (1.0 + by) if change.relative else values[own] + by
         about = changed_constants(constants.about, effects)
         return constants._replace(values=tuple(values.values()), about=about)
+
+
+def _holds(signals: Mapping[str, SimulatorSignal], channel: str) -> bool:
+    """Whether signals say a channel, the speed and the sideslip by v_x and v_y too."""
+    return channel in signals or (channel in ("v", "beta") and {"v_x", "v_y"} <= set(signals))
 
 
 def forces_of(effect: Effect) -> list[str]:

@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from drift_drake.car.effects.magnitudes import Effects, unbiased
-from drift_drake.car.foreign.along import between, inputs_along
-from drift_drake.car.foreign.asked import CHANNELS, job_of, motion_of
+from drift_drake.car.equations import folded_into
+from drift_drake.car.foreign.along import inputs_along
+from drift_drake.car.foreign.asked import CHANNELS, job_along, motion_of
 from drift_drake.car.foreign.pool import roll_all
 from drift_drake.car.foreign.rollouts import Job, SimulatorError
 from drift_drake.car.foreign.simulator import Simulator, SimulatorConstants
@@ -29,7 +30,6 @@ class _Part(NamedTuple):
     run: int
     at: Index  # indices of the run's windows
     lead: int  # rows
-    steps: int  # of the simulator in a row
     measured: Array  # [windows, 5] at the starts, sensors' errors taken out
 
 
@@ -47,8 +47,7 @@ def simulated_errors(
         SimulatorError: the simulator cannot be run.
     """
     simulator = constants.simulator
-    constants = simulator.changed_constants(constants, effects)
-    effects = effects._replace(**dict.fromkeys(simulator.FOLDED, 0.0))
+    constants, effects = folded_into(constants, effects)
     parts, jobs = [], []
     for k, (run, push) in enumerate(zip(runs, pushes, strict=True)):
         if run.fed and "measured_speed" not in simulator.inputs:
@@ -62,9 +61,10 @@ def simulated_errors(
     out = [np.zeros((len(run.starts), horizons, len(CHANNELS))) for run in runs]
     for part, got in zip(parts, roll_all(jobs), strict=True):
         run = runs[part.run]
-        motion = motion_of(simulator, got, run.period / part.steps)
+        steps = simulator.steps_in(run.period)
+        motion = motion_of(simulator, got, run.period / steps)
         rows = part.lead + run.stride_rows * np.arange(horizons + 1)
-        moved = motion[:, rows * part.steps] - motion[:, rows[:1] * part.steps]
+        moved = motion[:, rows * steps] - motion[:, rows[:1] * steps]
         first = part.measured if part.lead else _started(simulator, part.measured, motion)
         y = run.y[run.starts[part.at][:, None] + run.stride_rows * np.arange(1, horizons + 1)]
         read = unbiased(*(y[..., i] for i in range(4)), run.read_with(effects))
@@ -78,32 +78,22 @@ def simulated_errors(
 
 def _started(simulator: Simulator, measured: Array, motion: Array) -> Array:
     """What predictions without a lead-in begin at [windows, 5]: what was set, or what the simulator begins with."""
-    has = simulator.start
-    both = "v_x" in has and "v_y" in has
-    set_ = [name in has or (name in ("v", "beta") and both) or name == "psi" for name in CHANNELS]
-    return np.where(set_, measured, np.where(np.isfinite(motion[:, 0]), motion[:, 0], measured))
+    begun = [simulator.sets(name) or name == "psi" for name in CHANNELS]
+    return np.where(begun, measured, np.where(np.isfinite(motion[:, 0]), motion[:, 0], measured))
 
 
 def _asked(
     index: int, run: "WindowedRun", constants: SimulatorConstants, effects: Effects, horizons: int, push: Array
 ) -> list[tuple[_Part, Job]]:
     """The roll-outs of one run, by the length of their lead-in (early windows have less of it)."""
-    simulator = constants.simulator
-    steps = max(int(np.ceil(run.period / simulator.step - 1e-9)), 1)
     reading = run.read_with(effects)
     motion = np.stack([*unbiased(*(run.start_y[:, i] for i in range(4)), reading), run.start_y[:, 4]], axis=-1)
-    signals = inputs_along((run.delta, run.tau), motion, run.period, constants, effects, steps, run.bank, push)
-    leads = np.minimum(run.starts, round(simulator.lead_in / run.period))
+    signals = inputs_along((run.delta, run.tau), motion, run.period, constants, effects, run.bank, push)
+    leads = np.minimum(run.starts, round(constants.simulator.lead_in / run.period))
     out = []
     for lead in np.unique(leads):
         at = np.flatnonzero(leads == lead)
-        begin = run.starts[at] - lead
-        rows = steps * (lead + horizons * run.stride_rows)
-        grid = (steps * begin)[:, None] + np.arange(rows + 1)
-        inputs = {name: values[grid] for name, values in signals.items()}
-        inputs["lead_in"] = np.broadcast_to((np.arange(rows + 1) < steps * lead) * 1.0, grid.shape)
-        along = begin[:, None] + np.arange(lead * steps + 1) / steps
-        held = between(motion, along) if lead else None
-        job = job_of(constants, run.period / steps, motion[begin], inputs, held)
-        out.append((_Part(index, at, int(lead), steps, motion[run.starts[at]]), job))
+        rows = int(lead) + horizons * run.stride_rows
+        job = job_along(constants, run.period, motion, signals, run.starts[at] - lead, int(lead), rows)
+        out.append((_Part(index, at, int(lead), motion[run.starts[at]]), job))
     return out

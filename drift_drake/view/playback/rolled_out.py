@@ -8,8 +8,9 @@ from numpy.typing import NDArray
 from scipy.integrate import cumulative_trapezoid
 
 from drift_drake.car.effects.magnitudes import Effects, measured, unbiased
-from drift_drake.car.foreign.along import between, inputs_along
-from drift_drake.car.foreign.asked import job_of, motion_of
+from drift_drake.car.equations import folded_into
+from drift_drake.car.foreign.along import inputs_along
+from drift_drake.car.foreign.asked import job_along, motion_of
 from drift_drake.car.foreign.pool import roll_all
 from drift_drake.car.foreign.simulator_car import SimulatorCar
 from drift_drake.car.log.measured_motion import MeasuredMotion
@@ -32,20 +33,16 @@ def rolled_out(
     """
     if run.tau_cmd is None:
         raise InvalidLogError(f"{run.name}: has no tau_cmd, which a simulator of yours is driven by; log the torque")
-    simulator, constants = car.simulator, car.simulator.changed_constants(car.constants(), effects)
-    rest = effects._replace(**dict.fromkeys(simulator.FOLDED, 0.0))
-    steps = max(int(np.ceil(run.period / simulator.step - 1e-9)), 1)
+    simulator = car.simulator
+    constants, rest = folded_into(car.constants(), effects)
+    steps = simulator.steps_in(run.period)
     true: Array = np.stack([*unbiased(*motion.smooth[:, :4].T, rest), motion.smooth[:, 6]], axis=-1)
-    signals = inputs_along((run.delta_cmd, run.tau_cmd), true, run.period, constants, rest, steps, run.bank)
-    jobs, leads = [], []
-    for first, last in stretches:
-        lead = min(round(simulator.lead_in / run.period), first)
-        at = steps * (first - lead) + np.arange(steps * (last - first + lead) + 1)
-        inputs = {name: values[at][None] for name, values in signals.items()}
-        inputs["lead_in"] = np.where(np.arange(len(at)) < steps * lead, 1.0, 0.0)[None]
-        held = between(true, first - lead + np.arange(steps * lead + 1) / steps)[None] if lead else None
-        jobs.append(job_of(constants, run.period / steps, true[[first - lead]], inputs, held))
-        leads.append(lead)
+    signals = inputs_along((run.delta_cmd, run.tau_cmd), true, run.period, constants, rest, run.bank)
+    leads = [min(round(simulator.lead_in / run.period), first) for first, _ in stretches]
+    jobs = [
+        job_along(constants, run.period, true, signals, np.array([first - lead]), lead, last - first + lead)
+        for (first, last), lead in zip(stretches, leads, strict=True)
+    ]
     values = np.full((len(run), len(LOG_ROW)), np.nan)
     for (first, last), lead, got in zip(stretches, leads, roll_all(jobs), strict=True):
         found: Array = motion_of(simulator, got, run.period / steps)[0, steps * lead :: steps]

@@ -31,7 +31,7 @@ from drift_drake.drive.loop.closed_loop import ClosedLoop, ClosedLoopRun, Contro
 from drift_drake.drive.loop.endings import RunLimits
 from drift_drake.drive.loop.faults import parse_fault
 from drift_drake.drive.loop.metrics import RunMetrics
-from drift_drake.drive.qp.interior_point import attempt
+from drift_drake.drive.qp.stagewise_qp import solve_stages
 from drift_drake.drive.reference.similarity import similarity, time_step
 from drift_drake.drive.reference.trajectory import Reference, figure_8, loops
 from drift_drake.gap.monitoring.in_loop import CORRECTING, GapWatch, verdicts_of
@@ -143,7 +143,7 @@ def main(config: ClosedLoopConfig, to: TextIO | None = None) -> dict[str, Any]:
         pictures = draw_graph(build(config).diagram, folder / "closed_loop")
         print(*pictures, sep="\n", file=to)
         return {"out": folder, "pictures": pictures}
-    say_if_it_compiles(attempt, "the controller")
+    say_if_it_compiles(solve_stages, "the controller")
     run = run_closed_loop(config)
     m = run.metrics()
     events = []

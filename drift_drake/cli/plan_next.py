@@ -46,13 +46,13 @@ def run_plan_next(command: PlanNext) -> None:
         print(f"warning: {warning}", file=sys.stderr)
     try_outputs({"--out": command.out, "--json": command.json}, [command.answer, command.vehicle])
     with ended_at_once():
-        from drift_drake.drive.qp.interior_point import attempt
+        from drift_drake.drive.qp.stagewise_qp import solve_stages
         from drift_drake.gap.next_drive.foresight import beliefs_of
         from drift_drake.gap.next_drive.plan import NextDriveConfig, plan_from_answer
 
     lane = NextDriveConfig(v_start=command.v_start, v_end=command.v_end, half_width=command.half_width)
     beliefs_of(answer)  # refuses an answer without rivals before anything is compiled
-    say_if_it_compiles(attempt, "the plans' solver")
+    say_if_it_compiles(solve_stages, "the plans' solver")
     drive = plan_from_answer(answer, vehicle, lane, own)
     drive.write(command.out)
     print(f"{command.out}: {drive.sentence()}", file=said_to(command.json))

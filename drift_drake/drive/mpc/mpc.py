@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from drift_drake.car.compilation import compiled
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.car.step_model import StepModel
 from drift_drake.common.arrays import Array
@@ -184,9 +185,10 @@ class Mpc:
             guess, dual = self.problem.first_guess(data), np.zeros(self.multiplier_count)
         else:
             gone = (start - last.plan.start) / self.dt
-            guess, dual = self._shifted(last.primal, gone, data), last.dual
+            given = self.problem.given(data)
+            guess, dual = shifted(last.primal, self.horizon, gone, given), last.dual
             alternative = last.alternative and last.alternative._replace(
-                primal=self._shifted(last.alternative.primal, gone, data)
+                primal=shifted(last.alternative.primal, self.horizon, gone, given)
             )
             look = math.floor(start / LOOK) > math.floor(last.plan.start / LOOK)
         self.problem.set(self._tightened(covariance, model, data, guess))
@@ -240,16 +242,22 @@ class Mpc:
         horizon = self.reference.horizon(s, self.dt, self.horizon)
         return OcpData(x, command, horizon.x_ref, horizon.curvature, horizon.e_min, horizon.e_max, horizon.u_ref)
 
-    def _shifted(self, primal: Array, steps: float, data: OcpData) -> Array:
-        """The last solution read `steps` (a fraction of one, as a rule) later, from the state and command of now."""
-        x, u, slack = self.problem.unstack(primal)
-        knots = np.arange(self.horizon + 1.0)
-        at = np.minimum(knots + steps, self.horizon)
-        index = np.minimum(at.astype(np.intp), self.horizon - 1)
-        part = (at - index)[:, None]
-        x, u = ((1.0 - part) * z[index] + part * z[index + 1] for z in (x, u))
-        x[0], u[0] = data.x_init, data.u_init
-        return self.problem.stack(x, u, slack)
+
+@compiled
+def shifted(primal: Array, horizon: int, steps: float, given: Array) -> Array:
+    """A solution read `steps` (a fraction of one, as a rule) later, from the state and command of now [n+2]."""
+    n, out = given.size - 2, primal.copy()
+    first = 0
+    for size in (n, 2):
+        for k in range(horizon + 1):
+            at = min(k + steps, horizon)
+            index = min(int(at), horizon - 1)
+            part, here = at - index, first + size * index
+            for i in range(size):
+                out[first + size * k + i] = (1.0 - part) * primal[here + i] + part * primal[here + size + i]
+        first += size * (horizon + 1)
+    out[:n], out[n * (horizon + 1) : n * (horizon + 1) + 2] = given[:n], given[n:]
+    return out
 
 
 def _statistics(result: SqpResult, slack: float, restart: float, seconds: float) -> SolveStatistics:

@@ -241,13 +241,13 @@ class OptimalControlProblem(MathematicalProgram):
             value = getattr(data, name)
             if np.shape(value) != shape:
                 raise ValueError(f"{name} has shape {np.shape(value)}; a horizon of {n} steps needs {shape}")
-            if np.isnan(value).any():
+            if np.isnan(np.min(value)):
                 raise ValueError(f"{name} holds NaN at index {tuple(int(i) for i in np.argwhere(np.isnan(value))[0])}")
         q, reference, gradient = self.weights.state(), data.x_ref[:-1], np.zeros(self.size)
         states, _, slack = self.stages.split(gradient)
         states[:-1, :6] = -2.0 * q * STATE_SCALE * reference
         slack[:] = self.weights.lane_penalty
-        given = np.concatenate([data.x_init / self.layout.state_scale, data.u_init / INPUT_SCALE])
+        given = self.given(data)
         bounds, lane, free = self.stages.bounds, self.stages.bounds.first[:-1], np.full(n, np.inf)
         low, high = bounds.low.copy(), bounds.high.copy()
         low[lane], high[lane + 1] = data.e_min[1:], data.e_max[1:]
@@ -262,6 +262,10 @@ class OptimalControlProblem(MathematicalProgram):
             np.concatenate([data.e_min[1:], -free]), np.concatenate([free, data.e_max[1:]])
         )
         self.dynamics.curvature = np.ascontiguousarray(data.curvature, dtype=float)
+
+    def given(self, data: OcpData) -> Array:
+        """(x_0, u_0) [n+2] in scaled variables."""
+        return np.concatenate([data.x_init / self.layout.state_scale, data.u_init / INPUT_SCALE])
 
     def stack(self, x: Array, u: Array, slack: Array | None = None) -> Array:
         """The decision vector of a trajectory x [N+1, n], u [N+1, 2] (SI)."""

@@ -83,7 +83,6 @@ class SqpIteration(NamedTuple):
     qp_status: str
     qp_iterations: int
     second_attempt: bool  # at the QP: see `QpSolution`
-    qp_cpu: float  # [s]
     seconds: float  # wall time of the whole iteration
 
 
@@ -143,7 +142,7 @@ class LineSearchSqp:
         self.options = options or SqpOptions()
         self.problem = problem
         self._dynamics = problem.dynamics
-        self._workspace = QpWorkspace(problem.stages, self.options.qp)
+        self.workspace = QpWorkspace(problem.stages, self.options.qp)
         self.multiplier_count = problem.stages.multiplier_count
 
     def solve(self, z_guess: Array, y_guess: Array | None = None, most: int | None = None) -> SqpResult:
@@ -198,7 +197,7 @@ class LineSearchSqp:
         options, extra, numbers, stages = self.options, self.problem.extra_cost, point.numbers, self.problem.stages
         offset = numbers.gradient - blocks_times(point.blocks, stages.columns, point.z)
         model = stages._replace(hessian=point.blocks, gradient=offset)
-        qp = self._workspace.solve(model, point.f, numbers.target, point.z, point.y, interior)
+        qp = self.workspace.solve(model, point.f, numbers.target, point.z, point.y, interior)
         if not qp.usable:
             return _Step(0.0, 0, point.z, point.y, point.residual, point.extra_cost, penalty, qp)
         direction = qp.z - point.z

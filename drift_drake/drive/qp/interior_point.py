@@ -301,6 +301,7 @@ def attempt(f: Array, hessian: Array, gx: Array, gu: Array, penalty: Array, targ
         iteration += 1
 
 
+@compiled
 def interior_point(f: Array, hessian: Array, gx: Array, gu: Array, penalty: Array, target: Array, rows: Inequalities,
                    tolerance: float, x: Array, u: Array, slack: Array, costate: Array,
                    multipliers: Array) -> tuple[int, bool]:  # fmt: skip

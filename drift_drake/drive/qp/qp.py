@@ -1,7 +1,6 @@
 """The quadratic programs of the SQP: the methods there are, and one persistent workspace."""
 
 import dataclasses
-import time
 import warnings
 from typing import Literal, NamedTuple
 
@@ -26,7 +25,6 @@ class QpSolution(NamedTuple):
     status: str  # in OSQP's words
     iterations: int
     second_attempt: bool = False  # the first method, or its first start, did not solve it
-    cpu: float = 0.0  # [s] of CPU time; with the wall times the one number that does not replay
 
     @property
     def usable(self) -> bool:
@@ -141,18 +139,16 @@ class QpWorkspace:
 
         With `interior` OSQP is not tried, where there is the other method. What neither solves has OSQP's iterate.
         """
-        start = time.thread_time()
-        if self._osqp is None or (interior and self._stagewise):
-            solution = self._interior(stages, f, target, z)
-            if self._osqp is not None:
-                solution = solution._replace(second_attempt=True)
-        else:
-            first = solution = self._osqp.solve(stages, f, target, z, y)
-            if self._stagewise and first.status != "solved":
-                other = self._interior(stages, f, target, z)
-                solution = other if other.status == "solved" else first
-                solution = solution._replace(iterations=first.iterations + other.iterations, second_attempt=True)
-        return solution._replace(cpu=time.thread_time() - start)
+        if self._osqp is None:
+            return self._interior(stages, f, target, z)
+        if interior and self._stagewise:
+            return self._interior(stages, f, target, z)._replace(second_attempt=True)
+        first = solution = self._osqp.solve(stages, f, target, z, y)
+        if self._stagewise and first.status != "solved":
+            other = self._interior(stages, f, target, z)
+            solution = other if other.status == "solved" else first
+            solution = solution._replace(iterations=first.iterations + other.iterations, second_attempt=True)
+        return solution
 
     def _interior(self, stages: Stages, f: Array, target: Array, z: Array) -> QpSolution:
         z, y, solved, count = solve_stages(stages, f, target, z, self._tolerance)

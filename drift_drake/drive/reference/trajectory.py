@@ -24,6 +24,7 @@ from drift_drake.drive.reference.chain import (
 )
 from drift_drake.drive.reference.equilibrium import NoEquilibriumError, drift_equilibrium
 from drift_drake.drive.reference.figure_legs import figure_8_legs
+from drift_drake.drive.reference.grid import Grid, along, positions_at, rows_at, times_at
 from drift_drake.drive.reference.path import Path
 from drift_drake.drive.reference.remedies import instead
 from drift_drake.drive.reference.similarity import similarity
@@ -106,58 +107,32 @@ class Reference:
         return float(self.s[-1] / (len(self.s) - 1))
 
     @cached_property
-    def _table(self) -> Array:
-        return np.ascontiguousarray(np.column_stack([getattr(self, name) for name in _COLUMNS]))
-
-    @cached_property
-    def _time(self) -> Array:
-        """Time [M] [s] at which a car on the reference passes the grid's points."""
+    def _grid(self) -> Grid:
         mean_pace = 0.5 * (1.0 / self.v[1:] + 1.0 / self.v[:-1])
-        return np.concatenate([[0.0], np.cumsum(self._spacing * mean_pace)])
-
-    @cached_property
-    def _heading(self) -> Array:
-        return self.path.heading(np.minimum(self.s, self.path.length - 1e-12) if self.path.closed else self.s)
+        time = np.concatenate([[0.0], np.cumsum(self._spacing * mean_pace)])
+        s = np.minimum(self.s, self.path.length - 1e-12) if self.path.closed else self.s
+        table = np.ascontiguousarray(np.column_stack([getattr(self, name) for name in _COLUMNS]))
+        return Grid(table, time, self.path.heading(s), self._spacing, self.path.length, self.path.turning,
+                    self.path.closed)  # fmt: skip
 
     @cached_property
     def duration(self) -> float:
         """Time [s] in which a car on the reference drives the distance."""
         return float(self.time(self.distance))
 
-    def _wrapped(self, s: Array) -> tuple[Array, Array]:
-        """(s within the grid, laps gone by)."""
-        length = self.path.length
-        s = np.where(np.isfinite(s), s, np.nan)
-        if not self.path.closed:
-            return np.clip(s, 0.0, length), np.zeros_like(s)
-        laps = np.floor(s / length)
-        return s - laps * length, laps
-
     def _lookup(self, s: ArrayLike) -> Array:
-        within, _ = self._wrapped(np.asarray(s, dtype=float))
-        position = within / self._spacing
-        placed = np.where(np.isnan(position), 0.0, position)  # no place has no row: NaN
-        index = np.minimum(placed.astype(np.intp), len(self.s) - 2)
-        weight = (position - index)[..., None]
-        return (1.0 - weight) * self._table[index] + weight * self._table[index + 1]
+        s = np.asarray(s, dtype=float)
+        return rows_at(self._grid, s.ravel()).reshape(*s.shape, -1)
 
     def time(self, s: ArrayLike) -> Array:
         """Time [...] in s at which a car on the reference is at s [...] in m; 0 at s = 0."""
         s = np.asarray(s, dtype=float)
-        within, laps = self._wrapped(s)
-        beyond = np.zeros_like(s) if self.path.closed else s - within
-        end_speed = np.where(beyond < 0.0, self.v[0], self.v[-1])
-        return np.interp(within, self.s, self._time) + laps * self._time[-1] + beyond / end_speed
+        return times_at(self._grid, s.ravel()).reshape(s.shape)
 
     def position(self, time: ArrayLike) -> Array:
         """Path position [...] in m of a car on the reference at a time [...] in s: ds/dt = v_ref(s), s = 0 at 0."""
         time = np.asarray(time, dtype=float)
-        end = self._time[-1]
-        if self.path.closed:
-            laps = np.floor(time / end)
-            return np.interp(time - laps * end, self._time, self.s) + laps * self.path.length
-        beyond = time - np.clip(time, 0.0, end)
-        return np.interp(time, self._time, self.s) + beyond * np.where(beyond < 0.0, self.v[0], self.v[-1])
+        return positions_at(self._grid, time.ravel()).reshape(time.shape)
 
     def state(self, s: ArrayLike) -> Array:
         """States (r, v, beta, omega_r, e, dphi) [..., 6] wanted at s [...] in m; e = dphi = 0."""
@@ -174,19 +149,13 @@ class Reference:
 
     def transition(self, s: ArrayLike) -> NDArray[np.bool_]:
         """Whether s [...] in m lies in a transition."""
-        within, _ = self._wrapped(np.asarray(s, dtype=float))
-        return self.in_transition[np.rint(np.nan_to_num(within) / self._spacing).astype(np.intp)]
+        s = np.asarray(s, dtype=float)
+        s = np.mod(s, self.path.length) if self.path.closed else np.clip(s, 0.0, self.path.length)
+        return self.in_transition[np.rint(np.nan_to_num(s) / self._spacing).astype(np.intp)]
 
     def horizon(self, s0: float, dt: float, count: int) -> Horizon:
         """The reference over the next `count` steps of `dt` [s], from path position s0 [m] on."""
-        s = self.position(self.time(s0) + dt * np.arange(count + 1))
-        s[0] = s0
-        row = self._lookup(s)
-        within, laps = self._wrapped(s)
-        heading = np.interp(within, self.s, self._heading) + laps * self.path.turning
-        if not self.path.closed:
-            heading += (s - within) * row[..., 6]
-        curvature = np.diff(heading) / np.diff(s)
+        s, row, curvature = along(self._grid, float(s0), dt, count)
         return Horizon(s, _state(row), row[:, 4:6], curvature, row[:, 7], row[:, 8])
 
 

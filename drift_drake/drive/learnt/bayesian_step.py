@@ -120,7 +120,8 @@ class BayesianStepModel(StepModel):
         """
         other = object.__new__(BayesianStepModel)
         other.__dict__.update(self.__dict__)
-        last_layer, offset, lag = np.split(np.ravel(theta), [MEAN_COUNT, MEAN_COUNT + STATE_COUNT])
+        flat, end = np.ravel(theta), MEAN_COUNT + STATE_COUNT
+        last_layer, offset, lag = flat[:MEAN_COUNT], flat[MEAN_COUNT:end], flat[end:]
         other._mean = self._mean.with_theta(last_layer.reshape(STATE_COUNT, -1))
         other._offset = offset if offset.size else np.zeros(STATE_COUNT)
         if lag.size and not np.array_equal(lag, self._mean.network.lag):

@@ -128,7 +128,8 @@ class MpcController(LeafSystem):
         )
         size = self.mpc.problem.size
         alternative = None if np.isnan(both[0]) else AlternativePlan(both[:size], both[size:-1], float(both[-1]))
-        return plan and MpcSolution(plan, self.mpc.problem.layout.split(primal)[0], primal, dual, statistics, alternative)
+        x = self.mpc.problem.layout.split(primal)[0]
+        return plan and MpcSolution(plan, x, primal, dual, statistics, alternative)
 
 
 class InvalidPlanError(DriftDrakeError, ValueError):

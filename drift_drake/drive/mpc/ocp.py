@@ -238,10 +238,10 @@ class OptimalControlProblem(MathematicalProgram):
             "e_max": (n + 1,),
         }
         for name, shape in shapes.items():
-            value = getattr(data, name)
+            value = np.asarray(getattr(data, name))
             if np.shape(value) != shape:
                 raise ValueError(f"{name} has shape {np.shape(value)}; a horizon of {n} steps needs {shape}")
-            if np.isnan(np.min(value)):
+            if not np.isfinite(value.sum()) and np.isnan(value).any():
                 raise ValueError(f"{name} holds NaN at index {tuple(int(i) for i in np.argwhere(np.isnan(value))[0])}")
         q, reference, gradient = self.weights.state(), data.x_ref[:-1], np.zeros(self.size)
         states, _, slack = self.stages.split(gradient)

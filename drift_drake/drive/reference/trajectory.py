@@ -122,7 +122,7 @@ class Reference:
 
     def _lookup(self, s: ArrayLike) -> Array:
         s = np.asarray(s, dtype=float)
-        return rows_at(self._grid, s.ravel()).reshape(*s.shape, -1)
+        return rows_at(self._grid, s.ravel()).reshape(*s.shape, len(_COLUMNS))
 
     def time(self, s: ArrayLike) -> Array:
         """Time [...] in s at which a car on the reference is at s [...] in m; 0 at s = 0."""

@@ -165,7 +165,8 @@ class JudgedReading(NamedTuple):
     @classmethod
     def of(cls, vector: Array) -> "JudgedReading":
         """The inverse of `vector`."""
-        estimate, out, holding, fused = np.split(vector[3:], [7, 14, 14 + len(Holding._fields)])
+        end = 17 + len(Holding._fields)
+        estimate, out, holding, fused = vector[3:10], vector[10:17], vector[17:end], vector[end:]
         return cls(ReadingKind(int(vector[0])), np.array(estimate), float(vector[1]), float(vector[2]), out > 0.5,
                    Fused.of(fused), Holding(*holding.tolist()))  # fmt: skip
 

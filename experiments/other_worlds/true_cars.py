@@ -1,39 +1,82 @@
-"""What stands for the real car when drifting: the package's plants, or brush cars, which it has no equations of."""
+"""What stands for the real car when drifting: the package's plants, or cars that it has no equations of.
 
-from typing import Literal
+Brush cars, CommonRoad's multi-body cars and MuJoCo's are drawn one by one; the last two are other programs'.
+"""
+
+from typing import Literal, NamedTuple
 
 from drift_drake.car.effects.magnitudes import Effects
+from drift_drake.car.foreign.stepped_plant import SteppedCar, SteppedPlant
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.car.single_track.effects_step import planned_with
 from drift_drake.car.single_track.path_plant import CurvedPath, PathPlant
+from drift_drake.car.single_track.plant import OFF_THE_MOTION
 from drift_drake.car.step_model import StepModel
+from drift_drake.common.errors import InvalidOptionError, MissingExtraError
 from drift_drake.drive.loop.true_plant import TruePlant, effects_on, oracle_of, plant_of
 from experiments.other_worlds.brush_car import BrushCar
 from experiments.other_worlds.brush_drifters import draw_drifter
 from experiments.other_worlds.brush_plant import BrushPlant
 from experiments.other_worlds.brush_step import BrushStepModel
+from experiments.other_worlds.multi_body import draw_multi_body
 
-World = Literal[TruePlant, "brush"]
-TrueCar = TruePlant | BrushCar
+World = Literal[TruePlant, "brush", "multi_body", "mujoco"]
+
+
+class Stepped(NamedTuple):
+    """A car of another program, by its place in a draw: it is made where it drives."""
+
+    world: Literal["multi_body", "mujoco"]
+    vehicle: int
+    seed: int
+
+    def made(self) -> SteppedCar:
+        """The car.
+
+        Raises:
+            MissingExtraError: its program is not installed.
+        """
+        if self.world == "multi_body":
+            return draw_multi_body(self.vehicle, self.seed)
+        try:
+            from experiments.other_worlds.mujoco_drifter import draw_mujoco
+        except ImportError:
+            raise MissingExtraError("the MuJoCo car", "mujoco", "worlds") from None
+        return draw_mujoco(self.vehicle, self.seed)
+
+
+TrueCar = TruePlant | BrushCar | Stepped
 
 
 def true_car(world: World, vehicle: int, seed: int) -> TrueCar:
-    """What a vehicle of a draw is; brush cars are drawn one by one."""
+    """What a vehicle of a draw is; cars that the package has no equations of are drawn one by one."""
+    if world == "multi_body" or world == "mujoco":
+        return Stepped(world, vehicle, seed)
     return draw_drifter(vehicle, seed) if world == "brush" else world
 
 
 def effects_in(world: World, drawn: Effects) -> Effects:
     """Those of the drawn effects that a car of this world can have."""
+    if world == "multi_body" or world == "mujoco":
+        return drawn._replace(**{name: 0.0 for name in Effects._fields if name not in OFF_THE_MOTION})
     return effects_on("double_track" if world == "brush" else world, drawn)
 
 
 def true_plant(car: TrueCar, effects: Effects, path: CurvedPath) -> PathPlant | None:
     """The car on a path; None for `Car`'s own plant, of the simulator's equations."""
+    if isinstance(car, Stepped):
+        return SteppedPlant(car.made(), path)
     return BrushPlant(car, effects, path) if isinstance(car, BrushCar) else plant_of(car, effects, path)
 
 
 def oracle(car: TrueCar, parameters: VehicleParameters, effects: Effects) -> StepModel:
-    """The step model that knows the car; `parameters`: of the single-track one."""
+    """The step model that knows the car; `parameters`: of the single-track one.
+
+    Raises:
+        InvalidOptionError: nobody has the car's equations.
+    """
+    if isinstance(car, Stepped):
+        raise InvalidOptionError(f"--models oracle: nobody has the equations of a {car.world} car; leave it out")
     if isinstance(car, BrushCar):
         return BrushStepModel(car, planned_with(effects))
     return oracle_of(car, parameters, effects)

@@ -255,7 +255,7 @@ class ClosedLoop:
         def reason(root: Context) -> Outcome | None:
             if file is not None:
                 file.take(root)
-            state = plant.GetMyContextFromRoot(root).get_continuous_state_vector().CopyToVector()
+            state = plant.GetOutputPort("full_state").Eval(plant.GetMyContextFromRoot(root))
             return ending(root.get_time(), state, self._stopping(root))
 
         simulator = make_simulator(self.diagram, context, (plant, reason), accuracy)

@@ -130,7 +130,7 @@ class Drive:
         self.car.sensors.set_seed(context, seed)
 
         def reason(root: Context) -> str | None:
-            state = plant.GetMyContextFromRoot(root).get_continuous_state_vector().CopyToVector()
+            state = plant.GetOutputPort("full_state").Eval(plant.GetMyContextFromRoot(root))
             _, v, beta, omega_r, e = state[:5].tolist()  # plain numbers compare faster
             if abs(beta) > limits.sideslip:
                 return "spin"

@@ -5,12 +5,12 @@ Brush cars, CommonRoad's multi-body cars and MuJoCo's are drawn one by one; the 
 
 from typing import Literal, NamedTuple
 
+from drift_drake.car.effects.catalogue import OFF_THE_MOTION
 from drift_drake.car.effects.magnitudes import Effects
 from drift_drake.car.foreign.stepped_plant import SteppedCar, SteppedPlant
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.car.single_track.effects_step import planned_with
 from drift_drake.car.single_track.path_plant import CurvedPath, PathPlant
-from drift_drake.car.single_track.plant import OFF_THE_MOTION
 from drift_drake.car.step_model import StepModel
 from drift_drake.common.errors import InvalidOptionError, MissingExtraError
 from drift_drake.drive.loop.true_plant import TruePlant, effects_on, oracle_of, plant_of

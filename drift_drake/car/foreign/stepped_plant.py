@@ -32,7 +32,9 @@ class WorldMotion(NamedTuple):
 class SteppedCar(Protocol):
     """What another program offers of a car; it keeps nothing between two calls."""
 
-    state_names: Sequence[str]
+    @property
+    def state_names(self) -> Sequence[str]:
+        """Of its own state."""
 
     def start(self, state: Sequence[float], pose: Sequence[float], actuation: Sequence[float]) -> Array:
         """Its own state [n] at (r, v, beta, omega_r) and (x, y, psi), the command having been (delta, tau) for long."""

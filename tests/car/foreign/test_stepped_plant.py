@@ -18,14 +18,14 @@ SIDESLIP = -0.4
 
 
 class Rounding:
-    """A car on a circle whatever it is told; it speeds up by the steering as an acceleration."""
+    """A car on a circle whatever its command; it speeds up by the steering as an acceleration."""
 
     state_names = ("x", "y", "psi", "v")
 
-    def start(self, state, pose, actuation):
+    def start(self, state, pose, _actuation):
         return np.array([*pose, state[1]])
 
-    def step(self, own, actuation, wrench, duration):
+    def step(self, own, actuation, _wrench, duration):
         x, y, psi, v = own
         v_next, course = v + float(actuation[0]) * duration, psi + SIDESLIP + 0.5 * RATE * duration
         mean = 0.5 * (v + v_next)
@@ -34,10 +34,8 @@ class Rounding:
 
     def motion(self, own):
         x, y, psi, v = own
-        course = psi + SIDESLIP
-        return WorldMotion(
-            x, y, math.remainder(psi, 2.0 * math.pi), RATE, v * math.cos(course), v * math.sin(course), v
-        )
+        v_x, v_y = v * math.cos(psi + SIDESLIP), v * math.sin(psi + SIDESLIP)
+        return WorldMotion(x, y, math.remainder(psi, 2.0 * math.pi), RATE, v_x, v_y, v)
 
 
 def driven(path, seconds, steering=0.0, s=0.0, e=0.3):
@@ -50,7 +48,7 @@ def driven(path, seconds, steering=0.0, s=0.0, e=0.3):
     return plant, context, dict(zip(PLANT_STATES, plant.GetOutputPort("full_state").Eval(context), strict=False))
 
 
-def test_a_circle_is_driven_beside_a_circle() -> None:
+def test_a_circle_is_driven_within_a_circle() -> None:
     """The path's circle has the car's centre, so that e stays, and s grows by the ratio of the radii."""
     radius = SPEED / RATE
     path = Path([0.0, 400.0], [1.0 / (radius + 0.3)] * 2)

@@ -1,0 +1,148 @@
+"""The whole chain on one car of another program: gather, choose, drift, diagnose what is left, apply it.
+
+    python -m experiments.drifting.chain --plant multi_body --vehicle 1 --out runs/chain
+
+Two informative drives on the lane are asked which model may drive the car (`gap.choose`). The figure-8 and the loops
+are drifted with that model: the identified car, or the learnt one that adapts. The gap between the car of the vehicle
+file and the plant is then identified from the two drives (`identify`), and diagnosed relative to that from the drifts.
+Written: config.json, logs/{lane,drifts}, identified.yaml, corrected.yaml, report.md, overhead.png, replay.html.
+"""
+
+import dataclasses
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Literal
+
+import pandas as pd
+
+from diagrams.command import run_command
+from drift_drake.car.effects.magnitudes import Effects
+from drift_drake.car.log.table import Run, write_run
+from drift_drake.car.parameters import VehicleParameters
+from drift_drake.car.vehicle_file import write_vehicle
+from drift_drake.cli.drive_run import as_logged
+from drift_drake.common.errors import DriftDrakeError
+from drift_drake.common.run_folder import make_run_folder, write_json, write_versions
+from drift_drake.common.safe_files import write_figure
+from drift_drake.common.threads import one_blas_thread
+from drift_drake.drive.gathering.config import GatheringConfig, lane
+from drift_drake.drive.gathering.gather import gather, learn_drive
+from drift_drake.drive.gathering.plan import InfeasiblePlanError, plan_again, plan_drive
+from drift_drake.drive.learnt.checkpoint import BayesianModel, load_model
+from drift_drake.drive.loop.closed_loop import ClosedLoopRun, ControlConfig
+from drift_drake.gap.choose.choice import Choice, ask
+from drift_drake.gap.choose.identified import runs_of
+from drift_drake.gap.diagnosis.answers.apply import corrected_vehicle
+from drift_drake.gap.diagnosis.diagnose import diagnose
+from drift_drake.gap.identification.from_logs import identify
+from drift_drake.view.pictures.overhead import overhead
+from drift_drake.view.pictures.replay import replay
+from experiments.drifting.runs import Believes, DriveJob, Learnt, Maneuver, closed_loop, reference
+from experiments.gathering.beliefs import SECOND_ROUND
+from experiments.made import write_report
+from experiments.other_worlds.true_cars import TrueCar, World, true_car, true_plant
+
+MANEUVERS: tuple[Maneuver, ...] = ("figure_8", "loops")
+
+
+@dataclasses.dataclass(frozen=True)
+class ChainConfig:
+    """Which car, and how it is driven."""
+
+    plant: World = "multi_body"
+    vehicle: int = 0
+    """Its place in the draw."""
+    vehicle_seed: int = 0
+    seed: int = 0
+    """Of the sensors' noise."""
+    model: Literal["chosen", "identified", "adapting"] = "chosen"
+    """What drives, where not what the informative drives choose."""
+    gathering: GatheringConfig = dataclasses.field(default_factory=GatheringConfig)
+    control: ControlConfig = dataclasses.field(default_factory=ControlConfig)
+    out: Path | None = None
+
+
+def gathered(car: TrueCar, learnt: BayesianModel, config: ChainConfig) -> list[pd.DataFrame]:
+    """Logs of two informative drives on the lane, the second planned with what the first has taught; one where no
+    second plan is feasible."""
+    gathering, belief, tables = config.gathering, learnt.prior(), list[pd.DataFrame]()
+    plan = first = plan_drive(learnt, belief, gathering, gathering.alpha)
+    for seed in (config.seed, SECOND_ROUND + config.seed):
+        plant = true_plant(car, Effects(), lane(gathering).path)
+        table, _ = gather(plan, Effects(), VehicleParameters(), gathering, seed, plant, (learnt, belief))
+        tables.append(table)
+        belief = learn_drive(learnt, belief, table, gathering)
+        try:
+            plan = plan_again(learnt, belief, first, gathering)
+        except InfeasiblePlanError:
+            break
+    return tables
+
+
+def believed(choice: Choice, learnt: BayesianModel, config: ChainConfig) -> tuple[str, Believes]:
+    """(what drives, in words; the same for a `DriveJob`)."""
+    car = choice.found.car
+    if car is not None and "identified" in (config.model, choice.believed) and config.model != "adapting":
+        return car.name, car
+    return "the learnt model, adapting", Learnt(learnt, learnt.prior(), adapting=True, lags=True)
+
+
+def drifted(car: TrueCar, believes: Believes, config: ChainConfig) -> dict[Maneuver, ClosedLoopRun]:
+    """Both manoeuvres, driven."""
+    runs = {}
+    for maneuver in MANEUVERS:
+        loop = closed_loop(DriveJob(maneuver, {}, maneuver, Effects(), config.seed, believes, config.control, car))
+        context = loop.initial_context(seed=config.seed)
+        if loop.adapter is not None and isinstance(believes, Learnt):
+            loop.adapter.set_posterior(loop.adapter.GetMyMutableContextFromRoot(context), believes.belief)
+        runs[maneuver] = loop.run(context)
+    return runs
+
+
+def diagnosed(drives: Sequence[Run], drifts: Sequence[Run], folder: Path) -> list[str]:
+    """Identifies the car from the informative drives, diagnoses the drifts relative to it, applies; sentences."""
+    found = identify(drives, VehicleParameters(), criterion="prediction", force=True, watching=False, case="lane")
+    write_vehicle(folder / "identified.yaml", found.vehicle, found.effects)
+    answer = diagnose(drifts, (found.vehicle, found.effects), found.calibration, case="drifts").answer
+    vehicle, effects = corrected_vehicle(found.vehicle, answer, own=found.effects)
+    write_vehicle(folder / "corrected.yaml", vehicle, effects)
+    write_json(folder / "answer.json", answer)
+    return [found.calibration.sentence(), answer.sentence()]
+
+
+@one_blas_thread()
+def main(config: ChainConfig) -> None:
+    """Runs the chain on one car."""
+    folder, learnt = make_run_folder("chain", config.out), load_model()
+    write_json(folder / "config.json", config)
+    write_versions(folder)
+    car = true_car(config.plant, config.vehicle, config.vehicle_seed)
+    drives = runs_of(gathered(car, learnt, config))
+    choice = ask(drives, VehicleParameters())
+    name, believes = believed(choice, learnt, config)
+    runs = drifted(car, believes, config)
+    drifts = [dataclasses.replace(run, name=maneuver) for maneuver, run in
+              zip(MANEUVERS, runs_of([as_logged(runs[m].table) for m in MANEUVERS]), strict=True)]  # fmt: skip
+    for kind, logs in {"lane": drives, "drifts": drifts}.items():
+        for i, log in enumerate(logs):
+            write_run(log, folder / "logs" / kind / f"run_{i}.csv")
+    lines = [f"A {config.plant} car, vehicle {config.vehicle} of draw {config.vehicle_seed}.", "",
+             f"- Choice: {choice.sentence()}.", f"- Driven with {name}.", "",
+             "| | outcome | completed | RMS e [m] | RMS sideslip error [rad] |", "| --- " * 5 + "|"]  # fmt: skip
+    for maneuver, run in runs.items():
+        m = run.metrics()
+        lines.append(f"| {maneuver} | {m.outcome} | {m.completion:.0%} | {m.rms_e:.2f} | {m.rms_sideslip_error:.3f} |")
+    try:
+        lines += ["", *(f"- {sentence}" for sentence in diagnosed(drives, drifts, folder))]
+    except DriftDrakeError as error:
+        lines += ["", f"- Not diagnosed: {error}."]
+    tables, parameters = {"driven": runs["figure_8"].table}, VehicleParameters()
+    write_figure(overhead(tables, reference("figure_8"), parameters), folder / "overhead.png")
+    replay(tables, folder / "replay.html", reference("figure_8"), parameters)
+    write_report(folder, "\n".join(lines), config)
+    print("\n".join(lines))
+    print(f"results in {folder}")
+
+
+if __name__ == "__main__":
+    run_command(main, ChainConfig, __doc__)

@@ -1,0 +1,43 @@
+"""The whole chain on another program's car: what drives is what the informative drives choose."""
+
+import dataclasses
+from pathlib import Path
+
+import pytest
+
+from drift_drake.car.effects.magnitudes import Effects
+from drift_drake.car.log.table import read_case
+from drift_drake.car.parameters import VehicleParameters
+from drift_drake.car.vehicle_file import read_vehicle
+from drift_drake.drive.learnt.checkpoint import load_model
+from drift_drake.gap.choose.choice import Choice, Findings
+from drift_drake.gap.choose.identified import IdentifiedCar
+from experiments.drifting.chain import ChainConfig, believed, main
+from experiments.drifting.runs import Learnt
+
+
+def test_the_choice_decides_what_drives() -> None:
+    learnt, config = load_model(), ChainConfig()
+    car = IdentifiedCar(VehicleParameters(), Effects())
+    near, far = (Choice(Findings(car, error), limit=0.01) for error in (0.005, 0.1))
+    assert believed(near, learnt, config) == ("the identified car", car)
+    name, believes = believed(far, learnt, config)
+    assert name == "the learnt model, adapting" and isinstance(believes, Learnt) and believes.adapting
+    assert believed(far, learnt, dataclasses.replace(config, model="identified"))[1] == car
+    assert isinstance(believed(near, learnt, dataclasses.replace(config, model="adapting"))[1], Learnt)
+    assert isinstance(believed(Choice(Findings(None), 0.01), learnt, config)[1], Learnt)
+
+
+@pytest.mark.slow
+def test_a_car_of_another_program_is_gathered_drifted_and_diagnosed(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    pytest.importorskip("mujoco", reason="an extra: worlds")
+    folder = tmp_path / "chain"
+    main(ChainConfig(plant="mujoco", vehicle=1, out=folder))
+    printed = capsys.readouterr().out
+    assert "| figure_8 | completed | 100% |" in printed
+    assert "Not diagnosed" not in printed
+    assert len(read_case(folder / "logs" / "lane")) == len(read_case(folder / "logs" / "drifts")) == 2
+    read_vehicle(folder / "corrected.yaml")
+    assert {"replay.html", "overhead.png", "report.md"} <= {path.name for path in folder.iterdir()}

@@ -22,7 +22,9 @@ def test_the_choice_decides_what_drives() -> None:
     near, far = (Choice(Findings(car, error), limit=0.01) for error in (0.005, 0.1))
     assert believed(near, learnt, config) == ("the identified car", car)
     name, believes = believed(far, learnt, config)
-    assert name == "the learnt model, adapting" and isinstance(believes, Learnt) and believes.adapting
+    assert name == "the learnt model, adapting"
+    assert isinstance(believes, Learnt)
+    assert believes.adapting
     assert believed(far, learnt, dataclasses.replace(config, model="identified"))[1] == car
     assert isinstance(believed(near, learnt, dataclasses.replace(config, model="adapting"))[1], Learnt)
     assert isinstance(believed(Choice(Findings(None), 0.01), learnt, config)[1], Learnt)

@@ -15,6 +15,8 @@ from numba.extending import overload, register_jitable
 from numba.np.unsafe.ndarray import to_fixed_tuple
 from pydrake.symbolic import Expression, if_then_else
 
+from drift_drake.car.lanes import ELEMENTARY, lanes, load_lanes, select_lanes, store_lanes
+
 jitable = register_jitable(forceinline=True)
 """Marks a plain Python function as callable from compiled code; the function itself is left as it is.
 
@@ -39,7 +41,11 @@ def _elementary(plain: Callable[[float], float], ufunc: np.ufunc, complex_step: 
     def function(x: Any) -> Any:
         return plain(x) if type(x) is float else _on_objects(x, ufunc)
 
+    in_lanes = ELEMENTARY[plain.__name__]
+
     def choose(x):  # type: ignore[no-untyped-def]
+        if x is lanes:
+            return lambda x: in_lanes(x)
         return (lambda x: stepped(x)) if isinstance(x, types.Complex) else (lambda x: ufunc(x))
 
     overload(function)(choose)
@@ -85,7 +91,9 @@ def _expression(x: Any) -> Expression:
 
 
 @overload(select)
-def _select(a, b, if_less, otherwise):  # type: ignore[no-untyped-def]  # noqa: ARG001 (numba matches signatures)
+def _select(a, b, if_less, otherwise):  # type: ignore[no-untyped-def]
+    if lanes in (a, b, if_less, otherwise):
+        return lambda a, b, if_less, otherwise: select_lanes(a, b, if_less, otherwise)
     if isinstance(a, types.Complex) or isinstance(b, types.Complex):
         return lambda a, b, if_less, otherwise: if_less if a.real < b.real else otherwise
     return lambda a, b, if_less, otherwise: if_less if a < b else otherwise
@@ -99,6 +107,34 @@ def fixed_tuple(values: Any, count: int) -> tuple[Any, ...]:
 @overload(fixed_tuple)
 def _fixed_tuple(values, count):  # type: ignore[no-untyped-def]  # noqa: ARG001 (numba matches signatures)
     return lambda values, count: to_fixed_tuple(values, count)
+
+
+def loaded(values: Any, index: int, like: Any) -> Any:  # noqa: ARG001 (compiled code asks of what type)
+    """The number of an index; in compiled code, where `like` is LANES numbers, those of a flat array of them."""
+    return values[index]
+
+
+@overload(loaded, jit_options={"forceinline": True})
+def _loaded(values, index, like):  # type: ignore[no-untyped-def]  # noqa: ARG001 (numba matches signatures)
+    if like is lanes:
+        return lambda values, index, like: load_lanes(values, index)  # noqa: ARG005
+    return lambda values, index, like: values[index]  # noqa: ARG005
+
+
+def stored(values: Any, index: int, value: Any) -> None:
+    """Writes what `loaded` reads."""
+    values[index] = value
+
+
+@overload(stored, jit_options={"forceinline": True})
+def _stored(values, index, value):  # type: ignore[no-untyped-def]  # noqa: ARG001 (numba matches signatures)
+    if value is lanes:
+        return lambda values, index, value: store_lanes(values, index, value)
+
+    def store(values, index, value):  # type: ignore[no-untyped-def]
+        values[index] = value
+
+    return store
 
 
 @jitable

@@ -14,7 +14,7 @@ from drift_drake.car.double_track.motion import (
 )
 from drift_drake.car.double_track.parameters import changed_constants
 from drift_drake.car.effects.catalogue import CATALOGUE, PARAMETRIC
-from drift_drake.car.scalar import fixed_tuple, jitable
+from drift_drake.car.scalar import jitable, loaded, stored
 
 __all__ = ["DEVIATIONS", "FOLDED", "LACKS", "SIZE", "STEPPED", "changed_constants", "decays", "deviated", "fastest",
            "rates", "settle", "value_of"]  # fmt: skip
@@ -29,22 +29,35 @@ FOLDED = tuple(name for name, effect in CATALOGUE.items() if name in PARAMETRIC 
 
 @jitable
 def settle(z: Any, delta: Any, torque: Any, constants: Any, effects: Any) -> None:
-    """Writes the internal states of a car that has long driven so."""
-    own = settled_states(z[0], z[1], z[2], z[3], delta, torque, constants, effects)
+    """Writes the internal states of a car that has long driven so; where commands are `lanes`, of that many cars."""
+    r, v, beta, omega_r = (loaded(z, 0, delta), loaded(z, 1, delta), loaded(z, 2, delta), loaded(z, 3, delta))
+    own = settled_states(r, v, beta, omega_r, delta, torque, constants, effects)
     for i, state in enumerate(own):
-        z[5 + i] = state
+        stored(z, 5 + i, state)
 
 
 @jitable
 def rates(z: Any, command: Any, car: Any, out: Any) -> None:
-    """Writes the states' rates."""
+    """Writes the states' rates; where commands are `lanes`, those of that many cars."""
     constants, effects, wrench = car
-    own = OwnStates(*fixed_tuple(z[5:], OWN))
-    motion, further = double_track_motion(z[0], z[1], z[2], z[3], z[4], own, command[0], command[1], constants, effects,
-                                          wrench[0], wrench[1], wrench[2])  # fmt: skip
-    out[0], out[1], out[2], out[3], out[4] = motion.r_dot, motion.v_dot, motion.beta_dot, motion.omega_r_dot, z[0]
+    delta, torque = command
+    own = OwnStates(
+        loaded(z, 5, delta), loaded(z, 6, delta), loaded(z, 7, delta), loaded(z, 8, delta), loaded(z, 9, delta),
+        loaded(z, 10, delta), loaded(z, 11, delta), loaded(z, 12, delta), loaded(z, 13, delta), loaded(z, 14, delta),
+        loaded(z, 15, delta), loaded(z, 16, delta), loaded(z, 17, delta),
+    )  # fmt: skip
+    r = loaded(z, 0, delta)
+    motion, further = double_track_motion(
+        r, loaded(z, 1, delta), loaded(z, 2, delta), loaded(z, 3, delta), loaded(z, 4, delta), own, delta, torque,
+        constants, effects, loaded(wrench, 0, delta), loaded(wrench, 1, delta), loaded(wrench, 2, delta),
+    )  # fmt: skip
+    stored(out, 0, motion.r_dot)
+    stored(out, 1, motion.v_dot)
+    stored(out, 2, motion.beta_dot)
+    stored(out, 3, motion.omega_r_dot)
+    stored(out, 4, r)
     for i, rate in enumerate(further):
-        out[5 + i] = rate
+        stored(out, 5 + i, rate)
 
 
 @jitable

@@ -17,6 +17,7 @@ import numpy as np
 from drift_drake.car.actuated import STAGES, actuated, without_actuators
 from drift_drake.car.compilation import compiled
 from drift_drake.car.effects.catalogue import wheelbase
+from drift_drake.car.effects.installed import installed_effects
 from drift_drake.car.effects.magnitudes import Effects, unbiased
 from drift_drake.car.equations import CarConstants, decays, fastest, kind_of, rates, settle, size_of
 from drift_drake.car.foreign.simulator import SimulatorConstants
@@ -26,6 +27,7 @@ from drift_drake.car.parameters import VehicleParameters
 from drift_drake.car.road import NO_PUSH, on_road, with_bank
 from drift_drake.car.scalar import jitable
 from drift_drake.gap.estimation.filter_state import CHANNELS, MIN_FILTER_SPEED, commanded
+from drift_drake.gap.estimation.lane_windows import predict_in_lanes
 from drift_drake.gap.estimation.run_data import RunData, prepare_run
 from drift_drake.gap.estimation.simulated_windows import simulated_errors
 
@@ -233,9 +235,14 @@ def run_errors(
     delta, torque = actuated(run.delta, run.tau, before, run.period, effects)
     out = np.empty((len(run.starts), horizons, len(PREDICTED)))
     dynamic, banked = on_road(run.bank, constants.mass, constants.gravity, without_actuators(effects))
-    predict_windows(run.start_y, run.y, run.starts, run.stride_rows, delta, torque, run.period, constants,
-                    run.read_with(dynamic), run.fed, with_bank(push, banked), size_of(constants),
-                    kind_of(constants).STEPPED, out)  # fmt: skip
+    stepped = kind_of(constants).STEPPED
+    arguments = (run.start_y, run.y, run.starts, run.stride_rows, delta, torque, run.period, constants,
+                 run.read_with(dynamic), run.fed, with_bank(push, banked), size_of(constants))  # fmt: skip
+    if stepped and not installed_effects() and len(run.starts):
+        predict_in_lanes(*arguments, (STEP, STEPS_PER_RATE, MOST_STEPS), out)
+        out[~(np.abs(out) < LARGEST_ERROR)] = LARGEST_ERROR
+    else:
+        predict_windows(*arguments, stepped, out)
     out[..., ~run.used] = 0.0
     return out
 

@@ -1,0 +1,147 @@
+"""The windows of one run, LANES of them at once: prediction errors of a car whose equations are costly.
+
+Each lane has a stretch of the run's windows. Internal states follow the measured motion up to each start by the steps
+of a prediction, over at most `LEAD` seconds, before which they are settled.
+"""
+
+from typing import Any
+
+import numpy as np
+
+from drift_drake.car.actuated import STAGES
+from drift_drake.car.compilation import compiled
+from drift_drake.car.effects.magnitudes import unbiased
+from drift_drake.car.equations import fastest, rates, settle
+from drift_drake.car.integrate import runge_kutta
+from drift_drake.car.lanes import LANES, load_lanes
+from drift_drake.car.scalar import jitable, maximum, stored
+from drift_drake.gap.estimation.filter_state import MIN_FILTER_SPEED
+
+LEAD = 1.5  # [s]; what rolls or relaxes forgets faster
+
+
+@jitable
+def _gathered(values: Any, row: Any, share: Any, out: Any) -> None:
+    """An array [rows, n] at a share of the row that each lane is at, as [n * LANES]."""
+    for lane in range(LANES):
+        here, there = values[row[lane]], values[row[lane] + 1]
+        for i in range(values.shape[1]):
+            out[i * LANES + lane] = here[i] + share * (there[i] - here[i])
+
+
+@jitable
+def _measured_state(y: Any, effects: Any, speeds_only: Any, z: Any) -> None:
+    """The cars' states from what sensors read [5 * LANES], their errors taken out; or the speeds of car and rim."""
+    r, v, beta, omega_r = unbiased(load_lanes(y, 0), load_lanes(y, 1), load_lanes(y, 2), load_lanes(y, 3), effects)
+    if not speeds_only:
+        stored(z, 0, r)
+        stored(z, 2, beta)
+        stored(z, 4, load_lanes(y, 4))
+    stored(z, 1, maximum(v, MIN_FILTER_SPEED))
+    stored(z, 3, omega_r)
+
+
+@jitable
+def _commanded(delta: Any, torque: Any, row: Any, share: Any, out: Any) -> Any:
+    """Both commands of all lanes at a share of their rows."""
+    first = min(int(share * STAGES), STAGES - 1)
+    part = share * STAGES - first
+    for lane in range(LANES):
+        at = STAGES * row[lane] + first
+        out[lane] = delta[at] + part * (delta[at + 1] - delta[at])
+        out[LANES + lane] = torque[at] + part * (torque[at + 1] - torque[at])
+    return load_lanes(out, 0), load_lanes(out, 1)
+
+
+@jitable
+def _copied(x: Any, lane: Any, out: Any) -> None:
+    """One lane of the states x to out."""
+    for i in range(lane, len(x), LANES):
+        out[i] = x[i]
+
+
+@jitable
+def _steps(x: Any, period: Any, constants: Any, effects: Any, bounds: Any, z: Any) -> Any:
+    """Runge-Kutta steps that a row takes in all lanes; z: scratch [size]."""
+    step, per_rate, most = bounds
+    z[1] = np.max(x[LANES : 2 * LANES])
+    by_time = int(np.ceil(period / step - 1e-9))
+    return min(max(by_time, int(period * fastest(z, constants, effects) / per_rate) + 1), most)
+
+
+@compiled
+def predict_in_lanes(
+    start_y: Any, y: Any, starts: Any, stride_rows: Any, delta: Any, torque: Any, period: Any, constants: Any,
+    effects: Any, fed: Any, pushes: Any, size: Any, bounds: Any, out: Any,
+) -> Any:  # fmt: skip
+    """What `windows.predict_windows` writes, but for what is added for absent numbers.
+
+    Args:
+        bounds: of a step [s], of a step times the fastest rate, and of steps a row; the others as there.
+    """
+    count, lead = len(starts), int(np.ceil(LEAD / period))
+    each = (count + LANES - 1) // LANES
+    z, carried, before = np.zeros(size * LANES), np.zeros(size * LANES), np.zeros(size * LANES)
+    k, w, push = np.zeros(size * LANES), np.zeros((2, size * LANES)), np.zeros(3 * LANES)
+    read, command, one = np.zeros(5 * LANES), np.zeros(2 * LANES), np.zeros(size)
+    at, start, row = np.full(LANES, -lead - 1), np.zeros(LANES, np.int64), np.zeros(LANES, np.int64)
+    for s in range(each):
+        behind, anew = 0, np.zeros(LANES, np.bool_)
+        for lane in range(LANES):
+            start[lane] = starts[min(lane * each + s, count - 1)]
+            anew[lane] = start[lane] - at[lane] > lead
+            at[lane] = max(start[lane] - lead, 0) if anew[lane] else at[lane]
+            behind = max(behind, start[lane] - at[lane])
+        if np.any(anew):
+            before[:] = carried
+            _gathered(start_y, at, 0.0, read)
+            _measured_state(read, effects, False, carried)
+            begin = _commanded(delta, torque, at, 0.0, command)
+            settle(carried, begin[0], begin[1], constants, effects)
+            for lane in range(LANES):
+                if not anew[lane]:
+                    _copied(before, lane, carried)
+        # Along the measured motion up to the start, then from it to each horizon.
+        for part in range(out.shape[1] + 1):
+            x = carried if part == 0 else z
+            if part == 1:
+                z[:] = carried
+                _gathered(start_y, start, 0.0, read)
+                _measured_state(read, effects, False, z)
+            for further in range(behind if part == 0 else stride_rows):
+                for lane in range(LANES):
+                    row[lane] = at[lane] if part == 0 else start[lane] + (part - 1) * stride_rows + further
+                if part == 0:
+                    before[:] = carried
+                    _gathered(start_y, row, 0.0, read)
+                    _measured_state(read, effects, False, x)
+                if pushes.shape[0] == y.shape[0]:
+                    _gathered(pushes, row, 0.0, push)
+                steps = _steps(x, period, constants, effects, bounds, one)
+                begin = _commanded(delta, torque, row, 0.0, command)
+                for step in range(steps):
+                    if fed:
+                        _gathered(start_y, row, step / steps, read)
+                        _measured_state(read, effects, True, x)
+                    middle = _commanded(delta, torque, row, (step + 0.5) / steps, command)
+                    end = _commanded(delta, torque, row, (step + 1.0) / steps, command)
+                    runge_kutta(rates, x, begin, middle, end, period / steps, (constants, effects, push), k, w)
+                    begin = end
+                    for lane in range(LANES):
+                        x[LANES + lane] = max(x[LANES + lane], MIN_FILTER_SPEED)
+                        x[3 * LANES + lane] = max(x[3 * LANES + lane], 0.0)
+                for lane in range(LANES if part == 0 else 0):
+                    if at[lane] < start[lane]:
+                        at[lane] += 1
+                    else:
+                        _copied(before, lane, carried)
+            for lane in range(LANES if part > 0 else 0):
+                end_row = start[lane] + part * stride_rows
+                index = min(lane * each + s, count - 1)
+                read_r, read_v, read_beta, read_rim = unbiased(
+                    y[end_row, 0], y[end_row, 1], y[end_row, 2], y[end_row, 3], effects
+                )
+                out[index, part - 1, 0], out[index, part - 1, 1] = read_r - z[lane], read_v - z[LANES + lane]
+                out[index, part - 1, 2] = read_beta - z[2 * LANES + lane]
+                out[index, part - 1, 3] = read_rim - z[3 * LANES + lane]
+                out[index, part - 1, 4] = y[end_row, 4] - z[4 * LANES + lane]

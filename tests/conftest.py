@@ -100,7 +100,7 @@ def other_car():
         found = identification.identify(
             runs, guess, case="short", names=("tyre_relaxation", "longitudinal_load_transfer"),
             known=("mass", "front_axle_distance", "rear_axle_inertia", "steering_offset"),
-            tolerances=frozenset({"yaw_inertia", "torque"}), criterion="prediction",
+            tolerances=frozenset({"yaw_inertia", "torque"}), criterion="prediction", kind="single-track",
         )  # fmt: skip
     return OtherCar(runs, guess, found)
 

@@ -9,21 +9,31 @@ from drift_drake.car.double_track.parameters import DoubleTrackParameters
 from drift_drake.car.effects.magnitudes import Effects
 from drift_drake.car.foreign.simulator_car import SimulatorCar
 from drift_drake.car.parameters import CarParameters, InvalidVehicleError, VehicleParameters, vehicle_data
-from drift_drake.car.vehicle_file import effects_of, tolerances_in
+from drift_drake.car.vehicle_file import NO_VEHICLE_FILE, effects_of, kept_single_track, tolerances_in
 
 GivenEffects = Effects | Mapping[str, float]
 Vehicle = str | Path | CarParameters | tuple[CarParameters, GivenEffects]
-
+PlantParameters = VehicleParameters | DoubleTrackParameters  # of this package's own kinds
 
 CARS = (VehicleParameters, DoubleTrackParameters, SimulatorCar)
 
 
 class GivenVehicle(NamedTuple):
-    """Parameters, effects, and the names of those tolerances that the vehicle file states."""
+    """Parameters, effects, the names of those tolerances that the vehicle file states, and, of a double-track car, the
+    single-track one that the file keeps with it."""
 
     parameters: CarParameters
     effects: Effects
     tolerances: frozenset[str] = frozenset()
+    single_track: tuple[VehicleParameters, Effects] | None = None
+
+
+class OnOneTrack(NamedTuple):
+    """A single-track car, its effects, and what is to be said where it stands for a double-track one."""
+
+    parameters: VehicleParameters
+    effects: Effects
+    remark: str = ""
 
 
 def vehicle_given(vehicle: Vehicle) -> GivenVehicle:
@@ -34,7 +44,8 @@ def vehicle_given(vehicle: Vehicle) -> GivenVehicle:
     """
     if isinstance(vehicle, str | Path):
         data = vehicle_data(vehicle)
-        return GivenVehicle(*car_of_data(data, vehicle), tolerances_in(data, vehicle))
+        kept = kept_single_track(data, vehicle)
+        return GivenVehicle(*car_of_data(data, vehicle), tolerances_in(data, vehicle), kept)
     if isinstance(vehicle, CARS):
         return GivenVehicle(vehicle, Effects())
     if isinstance(vehicle, tuple) and len(vehicle) == 2 and isinstance(vehicle[0], CARS):
@@ -58,6 +69,36 @@ def single_track_of(car: CarParameters) -> VehicleParameters:
             "--calibration CAR.json, or give a single-track one"
         )
     return car
+
+
+def plant_of(car: CarParameters) -> PlantParameters:
+    """The car where one of this package's kinds will do.
+
+    Raises:
+        InvalidVehicleError: it is a simulator of the user's.
+    """
+    if isinstance(car, SimulatorCar):
+        raise InvalidVehicleError(f"the vehicle: {NO_VEHICLE_FILE}")
+    assert isinstance(car, PlantParameters)
+    return car
+
+
+def on_one_track(given: GivenVehicle, source: str | Path = "vehicle") -> OnOneTrack:
+    """The car where only a single-track one will do: of a double-track car the one that is kept with it.
+
+    Raises:
+        InvalidVehicleError: names `source` and the remedy.
+    """
+    if isinstance(given.parameters, VehicleParameters):
+        return OnOneTrack(given.parameters, given.effects)
+    if given.single_track is not None:
+        remark = "the car is a double-track one: this uses the single-track car that was calibrated on the same logs"
+        return OnOneTrack(*given.single_track, remark)
+    kind = "simulator of yours" if isinstance(given.parameters, SimulatorCar) else "double-track car"
+    raise InvalidVehicleError(
+        f"{source}: holds a {kind}, and no single-track car with it, which this needs; give the file that "
+        "'drift-drake identify --car auto' or '--car single-track' writes of the same logs"
+    )
 
 
 def effects_given(effects: GivenEffects | None, source: str = "effects") -> Effects:

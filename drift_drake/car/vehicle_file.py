@@ -25,6 +25,7 @@ from drift_drake.common.errors import shown
 from drift_drake.common.safe_files import write_text
 
 DOUBLE_TRACK = "double_track"  # key of a file that holds such a car (`double_track.car_file`)
+SINGLE_TRACK = "single_track"  # in that file, the single-track car that was calibrated on the same logs
 SIMULATOR = "simulator"  # of one that holds a simulator of the user's (`foreign.simulator_car`)
 NO_VEHICLE_FILE = (
     "holds a simulator of yours, which 'drift-drake simulator check', 'identify', 'check', 'diagnose', 'apply' and "
@@ -165,8 +166,9 @@ def single_track_of_data(data: Any, source: str) -> tuple[VehicleParameters, Eff
     """`read_vehicle` of what a file holds; errors name `source`."""
     if isinstance(data, dict) and DOUBLE_TRACK in data:
         raise InvalidVehicleError(
-            f"{source}: holds a double-track car, which 'drift-drake identify', 'check', 'diagnose', 'apply', 'replay' "
-            "and 'drive' take; give a single-track vehicle file here"
+            f"{source}: holds a double-track car, which 'drift-drake identify', 'check', 'diagnose', 'apply', "
+            "'replay', 'drive', 'choose', 'plan-next' and 'watch' take; give a single-track vehicle file here "
+            "('identify --car single-track' writes one)"
         )
     if isinstance(data, dict) and SIMULATOR in data:
         raise InvalidVehicleError(f"{source}: {NO_VEHICLE_FILE}")
@@ -198,17 +200,31 @@ def effects_of(magnitudes: Any, source: str) -> Effects:
         raise InvalidVehicleError(f"{source}: {error}") from None
 
 
+def kept_single_track(data: Any, source: str | Path) -> tuple[VehicleParameters, Effects] | None:
+    """The single-track car that a double-track car's file holds, too; None without one.
+
+    Raises:
+        InvalidVehicleError: it is none.
+    """
+    part = data.get(SINGLE_TRACK) if isinstance(data, dict) and DOUBLE_TRACK in data else None
+    return None if part is None else single_track_of_data(part, f"{source}: {SINGLE_TRACK}")
+
+
 def write_vehicle(
     path: str | Path,
     parameters: CarParameters,
     effects: Effects = Effects(),
+    single_track: tuple[VehicleParameters, Effects] | None = None,
 ) -> None:
     """Writes a vehicle file that is read back to the same car; effects of zero magnitude are left out.
+
+    single_track: to be kept with a double-track car, the one that was calibrated on the same logs.
 
     Examples:
         >>> write_vehicle("mine.yaml", car.replace(mass=1210.0), make_effects({"aero_drag": 0.7}))
     """
-    write_text(path, yaml.safe_dump(_plain(parameters, effects), sort_keys=False))
+    kept = {SINGLE_TRACK: _plain(*single_track)} if single_track else {}
+    write_text(path, yaml.safe_dump(_plain(parameters, effects) | kept, sort_keys=False))
 
 
 def vehicle_hash(parameters: CarParameters, effects: Effects) -> str:

@@ -7,8 +7,8 @@ from typing import Annotated
 
 import tyro
 
-from drift_drake.car.car_file import read_car
 from drift_drake.car.effects.magnitudes import magnitudes_of
+from drift_drake.car.given_vehicle import vehicle_given
 from drift_drake.car.vehicle_file import check_effects, check_plausible, write_vehicle
 from drift_drake.common.safe_files import try_outputs
 from drift_drake.common.standard_output import said_to, write_results
@@ -40,14 +40,16 @@ class Apply:
 
 def run_apply(command: Apply) -> None:
     answer = read_answer(command.answer)
-    nominal, own = read_car(command.vehicle)
+    given = vehicle_given(command.vehicle)
+    nominal, own = given.parameters, given.effects
     if not command.force and (warning := check_diagnosed(answer, nominal, own, command.vehicle)):
         print(f"warning: {warning}", file=sys.stderr)
     vehicle, effects = corrected_vehicle(nominal, answer, command.tolerances, own)
     check_plausible(vehicle.single_track(), f"{command.vehicle} with {command.answer}")
     check_effects(effects, vehicle.single_track(), f"{command.vehicle} with {command.answer}")
     try_outputs({"--out": command.out, "--json": command.json}, [command.answer])
-    write_vehicle(command.out, vehicle, effects)
+    kept = given.single_track and corrected_vehicle(given.single_track[0], answer, False, given.single_track[1])
+    write_vehicle(command.out, vehicle, effects, kept)
     print(f"{command.out}: {answer.sentence()}", file=said_to(command.json))
     applied = {"out": command.out, "verdict": answer.verdict, "effects": magnitudes_of(effects), "vehicle": vehicle}
     write_results(command.json, applied)

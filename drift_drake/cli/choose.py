@@ -7,9 +7,10 @@ from typing import Annotated
 import tyro
 
 from drift_drake.car.effects.magnitudes import magnitudes_of
+from drift_drake.car.given_vehicle import vehicle_given
 from drift_drake.car.log.table import read_case, run_paths
 from drift_drake.car.parameters import VehicleParameters
-from drift_drake.car.vehicle_file import read_vehicle, write_vehicle
+from drift_drake.car.vehicle_file import write_vehicle
 from drift_drake.common.interruption import ended_at_once
 from drift_drake.common.safe_files import try_outputs
 from drift_drake.common.standard_output import progress_bar, said_to, write_results
@@ -37,7 +38,7 @@ class Choose:
 
 def run_choose(command: Choose) -> None:
     if command.vehicle is not None:
-        read_vehicle(command.vehicle)
+        vehicle_given(command.vehicle)
     inputs = [path for path in (command.vehicle, *run_paths(command.logs)) if path is not None]
     try_outputs({"--out": command.out, "--json": command.json}, inputs)
     check_drives(read_case(command.logs), command.logs)

@@ -5,11 +5,11 @@ import textwrap
 from pathlib import Path
 from typing import Any
 
+from drift_drake.car.car_file import read_car
 from drift_drake.car.effects.catalogue import CATALOGUE, shown_by
 from drift_drake.car.effects.installed import installed_effects
 from drift_drake.car.effects.record import FUNCTIONS
 from drift_drake.car.parameters import VehicleParameters
-from drift_drake.car.vehicle_file import read_vehicle
 from drift_drake.common.safe_files import try_outputs
 from drift_drake.common.standard_output import said_to, write_results
 
@@ -32,7 +32,7 @@ class ListEffects:
 
 def run_effects(command: ListEffects) -> None:
     try_outputs({"--json": command.json}, [] if command.vehicle is None else [command.vehicle])
-    vehicle = VehicleParameters() if command.vehicle is None else read_vehicle(command.vehicle)[0]
+    vehicle = VehicleParameters() if command.vehicle is None else read_car(command.vehicle)[0].single_track()
     print(listing(vehicle), file=said_to(command.json))
     write_results(command.json, catalogue_data(vehicle))
 

@@ -50,7 +50,7 @@ class Identify:
     criterion: Criterion = "auto"
     """What a car is judged by: the filter's likelihood, exact where innovations are white, or prediction errors half a
     second ahead; auto lets the logs choose, and says so."""
-    car: CarKind = "single-track"
+    car: CarKind = "auto"
     """Kind of car, where it is judged by prediction: auto tries both kinds, takes a double-track car where that
     predicts held-out parts better, and says so."""
     force: bool = False
@@ -80,7 +80,7 @@ def run_identify(command: Identify) -> None:
         print("nothing is written; --force writes the files nevertheless", file=sys.stderr)
         return
     if command.out is not None:
-        write_vehicle(command.out, found.vehicle, found.effects)
+        write_vehicle(command.out, found.vehicle, found.effects, found.single_track)
     if command.json is not None:
         write_results(command.json, found.calibration)
     if command.report is not None:

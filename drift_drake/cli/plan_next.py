@@ -8,7 +8,7 @@ from typing import Annotated
 import tyro
 
 from drift_drake.car.compilation import say_if_it_compiles
-from drift_drake.car.vehicle_file import read_vehicle
+from drift_drake.car.given_vehicle import on_one_track, vehicle_given
 from drift_drake.common.interruption import ended_at_once
 from drift_drake.common.safe_files import try_outputs
 from drift_drake.common.standard_output import said_to, write_results
@@ -41,9 +41,11 @@ class PlanNext:
 
 def run_plan_next(command: PlanNext) -> None:
     answer = read_answer(command.answer)
-    vehicle, own = read_vehicle(command.vehicle)
-    if warning := check_diagnosed(answer, vehicle, own, command.vehicle):
-        print(f"warning: {warning}", file=sys.stderr)
+    given = vehicle_given(command.vehicle)
+    car = on_one_track(given, command.vehicle)
+    for warning in (check_diagnosed(answer, given.parameters, given.effects, command.vehicle), car.remark):
+        if warning:
+            print(f"warning: {warning}", file=sys.stderr)
     try_outputs({"--out": command.out, "--json": command.json}, [command.answer, command.vehicle])
     with ended_at_once():
         from drift_drake.drive.qp.stagewise_qp import solve_stages
@@ -53,7 +55,7 @@ def run_plan_next(command: PlanNext) -> None:
     lane = NextDriveConfig(v_start=command.v_start, v_end=command.v_end, half_width=command.half_width)
     beliefs_of(answer)  # refuses an answer without rivals before anything is compiled
     say_if_it_compiles(solve_stages, "the plans' solver")
-    drive = plan_from_answer(answer, vehicle, lane, own)
+    drive = plan_from_answer(answer, car.parameters, lane, car.effects, given.effects)
     drive.write(command.out)
     print(f"{command.out}: {drive.sentence()}", file=said_to(command.json))
     write_results(command.json, drive.expectations())

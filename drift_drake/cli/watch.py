@@ -10,8 +10,8 @@ from typing import Any
 
 import tyro
 
+from drift_drake.car.given_vehicle import on_one_track, vehicle_given
 from drift_drake.car.log.table import InvalidLogError
-from drift_drake.car.vehicle_file import read_vehicle
 from drift_drake.common.errors import InvalidOptionError
 from drift_drake.common.interruption import ended_at_once
 from drift_drake.common.plain_files import check_file
@@ -43,7 +43,9 @@ class Watch:
 
 
 def run_watch(command: Watch) -> None:
-    read_vehicle(command.vehicle)
+    car = on_one_track(vehicle_given(command.vehicle), command.vehicle)
+    if car.remark:
+        print(f"warning: {car.remark}", file=sys.stderr)
     if not 0.0 <= command.idle < math.inf:
         raise InvalidOptionError(f"--idle {command.idle:g}: give seconds, 0 or more")
     check_file(command.log, InvalidLogError, "give the path of a run (CSV or Parquet)")
@@ -64,8 +66,8 @@ def run_watch(command: Watch) -> None:
             sys.stdout.flush()
 
     seen = watch(
-        command.log, command.vehicle, command.calibration, follow=command.follow, idle=command.idle, page=command.page,
-        tell=tell,
+        command.log, (car.parameters, car.effects), command.calibration, follow=command.follow, idle=command.idle,
+        page=command.page, tell=tell,
     )  # fmt: skip
     if not reported:
         print(f"{command.log}: {seen.sentence()}", file=said_to(command.json))

@@ -15,7 +15,15 @@ from drift_drake.car.parameters import (
     check_keys,
     vehicle_data,
 )
-from drift_drake.car.vehicle_file import DOUBLE_TRACK, check_effects, check_plausible, effects_of, slowest_driven
+from drift_drake.car.vehicle_file import (
+    DOUBLE_TRACK,
+    SINGLE_TRACK,
+    check_effects,
+    check_plausible,
+    effects_of,
+    kept_single_track,
+    slowest_driven,
+)
 
 TIRES = ("front_tire", "rear_tire")
 FASTEST_SETTLING = 1e5  # [1/s]; the coupe's rear rims have 5e3 at their slowest
@@ -36,7 +44,8 @@ def read_double_track(path: str | Path) -> tuple[DoubleTrackParameters, Effects]
 
 def double_track_of_data(data: Any, source: str) -> tuple[DoubleTrackParameters, Effects]:
     """`read_double_track` of what a file holds; errors name `source`."""
-    check_keys(source, "", data, {DOUBLE_TRACK, "effects"})
+    check_keys(source, "", data, {DOUBLE_TRACK, SINGLE_TRACK, "effects"})
+    kept_single_track(data, source)
     effects = effects_of(data.get("effects"), source)
     car = double_track_from_dict(data[DOUBLE_TRACK], f"{source}: {DOUBLE_TRACK}")
     check_plausible(car.single_track(), source)

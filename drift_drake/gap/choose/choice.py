@@ -20,6 +20,7 @@ import numpy as np
 from scipy.special import stdtrit
 
 from drift_drake.car.effects.record import wheelbase
+from drift_drake.car.given_vehicle import PlantParameters
 from drift_drake.car.log.table import Run
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.common.arrays import Array
@@ -97,7 +98,7 @@ class Choice(NamedTuple):
         )
 
 
-def ask(runs: Sequence[Run], first_guess: VehicleParameters, progress: Progress | None = None) -> Choice:
+def ask(runs: Sequence[Run], first_guess: PlantParameters, progress: Progress | None = None) -> Choice:
     """Asks the drives of a car what they identify, and how well that predicts them.
 
     Where the identified car predicts worse than is usual, it is identified again with each of `ONE_MORE`. The one
@@ -106,17 +107,18 @@ def ask(runs: Sequence[Run], first_guess: VehicleParameters, progress: Progress 
 
     Args:
         runs: with torque, sideslip and rim speed; of long ones pieces are asked (`asked_parts`);
-        first_guess: of the car; progress: called with a stage and a share.
+        first_guess: of the car, of either kind; progress: called with a stage and a share.
 
     Raises:
         InvalidLogError: a column that holds no number.
     """
     tell = progress or (lambda _stage, _share: None)
     tell("the car as it is", 0.0)
-    doubtful = doubts(runs, first_guess)
-    runs, remarks = asked_parts(runs, first_guess)
+    vehicle = first_guess.single_track()
+    doubtful = doubts(runs, vehicle)
+    runs, remarks = asked_parts(runs, vehicle)
     limit, judged = usual_error().limit(), [windowed(run) for run in runs]
-    car = identified(runs, first_guess)
+    car = identified(runs, vehicle)
     error = car_error(car, judged)
     found = Findings(car, error, doubtful, as_it_is=error)
     if found.doubts or error <= limit:
@@ -133,13 +135,13 @@ def ask(runs: Sequence[Run], first_guess: VehicleParameters, progress: Progress 
 
 
 def _another_car(
-    runs: Sequence[Run], first_guess: VehicleParameters, limit: float, judged: Sequence[WindowedRun], tell: Progress
+    runs: Sequence[Run], first_guess: PlantParameters, limit: float, judged: Sequence[WindowedRun], tell: Progress
 ) -> IdentifiedCar | None:
     """The car that predicts best with an additional fault or, where that is beyond the limit, as a double-track one."""
     cars, stages = list[IdentifiedCar | None](), 3 + len(ONE_MORE)
     for number, name in enumerate(ONE_MORE, 1):
         tell(f"with {name}", number / stages)
-        cars.append(identified(runs, first_guess, (name,)))
+        cars.append(identified(runs, first_guess.single_track(), (name,)))
     best = min(cars, key=lambda car: car_error(car, judged))
     if car_error(best, judged) <= limit:
         return best

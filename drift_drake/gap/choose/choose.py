@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from drift_drake.car.given_vehicle import Vehicle, single_track_of, vehicle_given
+from drift_drake.car.given_vehicle import Vehicle, plant_of, vehicle_given
 from drift_drake.car.log.given import Logs, logs_given
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.common.standard_output import Progress
@@ -27,6 +27,6 @@ def choose(logs: Logs, vehicle: Vehicle | None = None, *, progress: Progress | N
         InvalidLogError: a run cannot be asked; InvalidVehicleError: of the vehicle.
     """
     given = logs_given(logs)
-    first_guess = VehicleParameters() if vehicle is None else single_track_of(vehicle_given(vehicle).parameters)
+    first_guess = VehicleParameters() if vehicle is None else plant_of(vehicle_given(vehicle).parameters)
     check_drives(given.runs, logs if isinstance(logs, str | Path) else given.case)
     return ask(given.runs, first_guess, progress)

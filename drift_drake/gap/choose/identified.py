@@ -15,7 +15,7 @@ from drift_drake.car.double_track.parameters import DoubleTrackParameters
 from drift_drake.car.double_track.step_model import DoubleTrackStepModel
 from drift_drake.car.effects.catalogue import CATALOGUE, LIMITS, fitted
 from drift_drake.car.effects.magnitudes import Effects
-from drift_drake.car.given_vehicle import single_track_of
+from drift_drake.car.given_vehicle import PlantParameters, single_track_of
 from drift_drake.car.known_car import known_car_model
 from drift_drake.car.log.table import COLUMNS, InvalidLogError, Run
 from drift_drake.car.parameters import CarParameters, InvalidVehicleError, VehicleParameters
@@ -101,7 +101,7 @@ def identified(runs: Sequence[Run], first_guess: VehicleParameters, more: Sequen
 
 def identified_double_track(
     judged: Sequence[WindowedRun],
-    first_guess: VehicleParameters,
+    first_guess: PlantParameters,
     more: Sequence[str] = (),
     near: Mapping[str, float] | None = None,
 ) -> tuple[IdentifiedCar, dict[str, float]] | None:

@@ -21,7 +21,7 @@ class Asked:
     stated: Mapping[str, float] | None
     criterion: Criterion
     tolerances: frozenset[str]
-    kind: CarKind = "single-track"
+    kind: CarKind = "auto"
     unseen: tuple[str, ...] = ()  # parameters (names of tolerances) that the drives cannot show
 
     @property

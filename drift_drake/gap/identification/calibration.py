@@ -9,7 +9,7 @@ import numpy as np
 
 from drift_drake.car.effects.catalogue import CATALOGUE
 from drift_drake.car.effects.magnitudes import Effects
-from drift_drake.car.parameters import CarParameters
+from drift_drake.car.parameters import CarParameters, VehicleParameters
 from drift_drake.common.errors import DriftDrakeError
 from drift_drake.common.plain_files import named_number, read_json
 from drift_drake.gap.estimation.filter_state import CHANNELS
@@ -119,6 +119,7 @@ class Identification:
     vehicle: CarParameters
     effects: Effects
     rows: int  # of the logs
+    single_track: tuple[VehicleParameters, Effects] | None = None  # calibrated on the same logs as a double-track car
 
 
 def not_identified(names: Sequence[str], prior: np.ndarray, covariance: np.ndarray) -> list[Direction]:

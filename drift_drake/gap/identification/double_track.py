@@ -15,7 +15,7 @@ from drift_drake.car.double_track.parameters import DoubleTrackParameters
 from drift_drake.car.effects.catalogue import CATALOGUE
 from drift_drake.car.effects.magnitudes import Effects
 from drift_drake.car.equations import folded_into
-from drift_drake.car.parameters import VehicleParameters
+from drift_drake.car.given_vehicle import PlantParameters
 from drift_drake.common.arrays import Array
 from drift_drake.gap.estimation.robust_fit import robust_fit
 from drift_drake.gap.estimation.unknowns import deviations_of, unknown, with_found
@@ -39,7 +39,7 @@ class DoubleTrackFit(NamedTuple):
 
 def identify_double_track(
     runs: Sequence[WindowedRun],
-    first_guess: VehicleParameters,
+    first_guess: PlantParameters,
     more: Sequence[str] = (),
     near: Mapping[str, float] | None = None,
 ) -> DoubleTrackFit:
@@ -53,10 +53,10 @@ def identify_double_track(
         InvalidVehicleError: what predicts best is no car.
         numpy.linalg.LinAlgError: the runs identify nothing.
     """
-    guess = nearest_double_track(first_guess)
+    guess = first_guess if isinstance(first_guess, DoubleTrackParameters) else nearest_double_track(first_guess)
     constants = guess.constants()
     names = (*EFFECTS, *more)
-    unknowns = [unknown(name, first_guess, frozenset()) for name in names]
+    unknowns = [unknown(name, guess.single_track(), frozenset()) for name in names]
     unknowns += deviations_of(constants)
     dense = [_dense(run) for run in runs]
 

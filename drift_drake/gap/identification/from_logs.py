@@ -19,7 +19,7 @@ from drift_drake.gap.monitoring.baseline_scores import learn_baseline_scores
 def identify(
     logs: Logs | Sequence[str | Path], vehicle: Vehicle, *, known: Sequence[str] = KNOWN,
     effects: Sequence[str] = EFFECTS, criterion: Criterion = "auto", stated: Mapping[str, float] | None = None,
-    case: str | None = None, car: CarKind = "single-track", force: bool = False, watching: bool = True,
+    case: str | None = None, car: CarKind = "auto", force: bool = False, watching: bool = True,
     progress: Progress | None = None,
 ) -> Identification:  # fmt: skip
     """Calibrates a car on logs: parameters, tolerances, lags, and what the logs cannot identify.
@@ -37,7 +37,7 @@ def identify(
             "auto", which lets the logs choose;
         stated: noise levels [SI, one standard deviation] by column that are known otherwise; case: name of it all;
         car: kind of car where prediction judges: "single-track", "double-track", or "auto", which takes a double-track
-            one where that predicts held-out parts better;
+            one where that predicts held-out parts better, and keeps the single-track one with it (`single_track`);
         force: also on logs that are too gentle; watching: whether to learn a monitor's baseline
             (`watch`), where the logs can say; progress: called with a stage and the share done.
 
@@ -66,11 +66,12 @@ def _days(logs: Logs | Sequence[str | Path], case: str | None) -> Days:
 
 
 def _with_baseline_scores(found: Identification, runs: Sequence[Run]) -> Identification:
-    """A calibration with a monitor's baseline of a single-track car, where its logs can say."""
-    if not isinstance(found.vehicle, VehicleParameters):
+    """A calibration with a monitor's baseline of its single-track car, where its logs can say."""
+    car = (found.vehicle, found.effects) if isinstance(found.vehicle, VehicleParameters) else found.single_track
+    if car is None:
         return found
     try:
-        scores = learn_baseline_scores(runs, found.vehicle, found.effects)
+        scores = learn_baseline_scores(runs, *car)
     except (InvalidLogError, ValueError):  # no torque commands, or too little driving
         return found
     return dataclasses.replace(found, calibration=dataclasses.replace(found.calibration, watching=scores.as_data()))

@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from drift_drake.car.double_track.nearest import nearest_double_track
+from drift_drake.car.double_track.parameters import DoubleTrackParameters
 from drift_drake.car.effects.catalogue import CATALOGUE, fitted
 from drift_drake.car.effects.magnitudes import Effects
 from drift_drake.car.equations import kind_of
@@ -55,7 +56,7 @@ def identify(
     tolerances: frozenset[str] = frozenset(),
     force: bool = False,
     unseen: Sequence[str] | None = None,
-    kind: CarKind = "single-track",
+    kind: CarKind = "auto",
 ) -> Identification:
     """Calibrates a car on runs. Parameters that the drives cannot show stay at their first guess.
 
@@ -79,6 +80,7 @@ def identify(
     tell = progress or (lambda _stage, _share: None)
     check_effect_names(known, names)
     vehicle = first.single_track()
+    first = vehicle if kind == "single-track" and isinstance(first, DoubleTrackParameters) else first
     runs, _, warnings = admit(runs, vehicle)
     warnings += [
         f"effect {name}: calibrated anyway, as a parameter of the vehicle file" for name in names if name in OWN
@@ -124,7 +126,7 @@ def calibrated(runs: Sequence[Run], asked: Asked, tell: Progress) -> Identificat
         )
     if criterion == "auto" and lacks_beta:
         criterion, warnings = "likelihood", ["column beta is missing: calibrated by likelihood"]
-    found = None
+    found = single = None
     part, left_out = part_of(runs)  # the filter's derivatives are kept for every row
     if criterion != "likelihood":
         predicted = by_prediction(runs, asked, double, lambda stage, share: tell(stage, 0.5 * share))
@@ -134,16 +136,27 @@ def calibrated(runs: Sequence[Run], asked: Asked, tell: Progress) -> Identificat
             why = [white.sentence()]
             found = white_or_none(part, asked, tell) if white.may_be_white else None
         if found is None:
+            better, rows = predicted, sum(len(run) for run in runs)
             if asked.kind == "auto" and not double and may_have_two_tracks(runs, asked.vehicle):
-                predicted, sentence = of_better_kind(runs, asked, predicted, tell)
+                better, sentence = of_better_kind(runs, asked, predicted, tell)
                 why.append(sentence)
-            found = stated_in_full(predicted, why, asked, sum(len(run) for run in runs))
+            found = stated_in_full(better, why, asked, rows)
+            single = stated_in_full(predicted, why, asked, rows) if better is not predicted else None
     if found is None:
         found = by_likelihood(part, asked, tell)
-    found = kept_at_first_guess(found, asked.vehicle, asked.effects, asked.unseen, asked.tolerances, asked.known)
+    found = with_unseen(found, asked, single)
     c = found.calibration
     warnings += left_out if c.criterion == "likelihood" else []
     return dataclasses.replace(found, calibration=dataclasses.replace(c, warnings=[*warnings, *c.warnings]))
+
+
+def with_unseen(found: Identification, asked: Asked, single: Identification | None = None) -> Identification:
+    """A calibration whose unseen parameters stay as they were believed; single: the one to be kept with it."""
+    found = kept_at_first_guess(found, asked.vehicle, asked.effects, asked.unseen, asked.tolerances, asked.known)
+    if single is None:
+        return found
+    single = with_unseen(single, asked)
+    return dataclasses.replace(found, single_track=(single.vehicle.single_track(), single.effects))
 
 
 def check_known(c: Calibration) -> None:

@@ -129,12 +129,14 @@ class NextDrive:
 
 
 def plan_from_answer(
-    answer: Answer, vehicle: VehicleParameters, config: NextDriveConfig | None = None, own: Effects | None = None
-) -> NextDrive:
+    answer: Answer, vehicle: VehicleParameters, config: NextDriveConfig | None = None, own: Effects | None = None,
+    diagnosed: Effects | None = None,
+) -> NextDrive:  # fmt: skip
     """The drive that follows an answer.
 
     Args:
-        own: effects of the vehicle file; without, those that the answer was found with.
+        own: effects of the vehicle file; without, those that the answer was found with; diagnosed: those of the file
+            that was diagnosed, where `vehicle` and `own` are a single-track car that stands for a double-track one.
 
     Raises:
         UnplannableError: the answer does not hold two hypotheses to tell apart, or was found with other effects in the
@@ -146,10 +148,11 @@ def plan_from_answer(
     """
     sensing, beliefs = beliefs_of(answer)
     if own is not None:
-        if "own" in answer.details["beliefs"] and not np.allclose(own, sensing.own, rtol=ROUNDING, atol=0.0):
+        file = own if diagnosed is None else diagnosed
+        if "own" in answer.details["beliefs"] and not np.allclose(file, sensing.own, rtol=ROUNDING, atol=0.0):
             raise UnplannableError(
                 f"{answer.case}: the answer was found with effects of the vehicle file ({listed(sensing.own)}) that "
-                f"are not this file's ({listed(own)}); give the file that was diagnosed with"
+                f"are not this file's ({listed(file)}); give the file that was diagnosed with"
             )
         sensing = dataclasses.replace(sensing, own=own)
     return plan_next(vehicle, sensing, beliefs, config)

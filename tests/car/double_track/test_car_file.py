@@ -8,6 +8,7 @@ import yaml
 from drift_drake.car.double_track.car_file import read_double_track
 from drift_drake.car.double_track.parameters import CARS
 from drift_drake.car.effects.magnitudes import Effects
+from drift_drake.car.given_vehicle import GivenVehicle, on_one_track, vehicle_given
 from drift_drake.car.parameters import InvalidVehicleError, VehicleParameters
 from drift_drake.car.vehicle_file import read_vehicle, write_vehicle
 
@@ -22,6 +23,20 @@ def test_it_is_read_back_to_the_bit(tmp_path: Path, name: str) -> None:
     assert read_double_track(path) == (car, EFFECTS)
     write_vehicle(path, car)
     assert read_double_track(path) == (car, Effects())
+
+
+def test_a_single_track_car_is_kept_with_it(tmp_path: Path) -> None:
+    """What asks for one takes that, and the double-track car is the same with it and without."""
+    path, kept = tmp_path / "car.yaml", (CARS["coupe"].single_track(), Effects(aero_drag=0.4))
+    write_vehicle(path, CARS["coupe"], EFFECTS, kept)
+    assert read_double_track(path) == (CARS["coupe"], EFFECTS)
+    given = vehicle_given(path)
+    assert on_one_track(given)[:2] == kept
+    assert "double-track one: this uses the single-track car" in on_one_track(given).remark
+    assert on_one_track(GivenVehicle(*kept)).remark == ""
+    write_vehicle(path, CARS["coupe"], EFFECTS)
+    with pytest.raises(InvalidVehicleError, match=r"car\.yaml: holds a double-track car, and no .*--car auto'"):
+        on_one_track(vehicle_given(path), path)
 
 
 def test_a_file_of_the_other_kind_is_said_so(tmp_path: Path) -> None:
@@ -44,9 +59,10 @@ def test_a_file_of_the_other_kind_is_said_so(tmp_path: Path) -> None:
         (("double_track", "front_tire", "grip"), 1.0, "unknown key 'front_tire.grip'"),
         (("double_track", "rear_tire"), 3.0, "double_track: 'rear_tire' must hold 'name: value' lines"),
         (("double_track",), [1], "double_track: 'double_track' must hold 'name: value' lines"),
-        (("colour",), 1.0, "unknown key 'colour'; known keys are double_track, effects"),
+        (("colour",), 1.0, "unknown key 'colour'; known keys are double_track, effects, single_track"),
         (("effects", "lateral_load_transfer"), 0.1, "lateral_load_transfer cannot be put on a double-track car"),
         (("effects", "steering_lag"), -1.0, "effects.steering_lag is -1 s; no vehicle's is outside 0 to"),
+        (("single_track",), {"mass": 1500.0}, "car.yaml: single_track: missing friction, "),
         (("double_track", "gravity"), 60.0, "gravity is 60; no vehicle's is outside 0.5 to 30"),
     ],
 )

@@ -12,7 +12,7 @@ from drift_drake.car.double_track.parameters import CARS
 from drift_drake.car.effects.magnitudes import Effects
 from drift_drake.car.log.table import COLUMNS
 from drift_drake.car.parameters import VehicleParameters
-from drift_drake.car.vehicle_file import read_vehicle
+from drift_drake.car.vehicle_file import read_vehicle, write_vehicle
 from drift_drake.cli.main import main
 from drift_drake.common.interruption import BAD_INPUT
 from drift_drake.drive.gathering.config import GatheringConfig
@@ -92,3 +92,13 @@ def test_a_double_track_car_is_written_as_one(
     assert read_double_track(out) == car
     choice = json.loads((tmp_path / "choice.json").read_text())
     assert (choice["tracks"], choice["vehicle"]["front_tire"]["shape"]) == (2, 1.25)
+
+
+def test_a_double_track_car_is_a_first_guess_too(logs: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As `identify` writes it, and as what `choose` itself has identified."""
+    asked = []
+    monkeypatch.setattr("drift_drake.gap.choose.choose.ask",
+                        lambda _, first, __: asked.append(first) or Choice(Findings(None), 0.012))  # fmt: skip
+    write_vehicle(tmp_path / "car.yaml", CARS["saloon"], Effects(), (CARS["saloon"].single_track(), Effects()))
+    assert main(["choose", str(logs), "--vehicle", str(tmp_path / "car.yaml")]) == 0
+    assert asked == [CARS["saloon"]]

@@ -84,7 +84,7 @@ def _with_vehicle(
     from drift_drake.gap.evidence.where import region_names, region_of
     from drift_drake.gap.identification.calibration import CarTrust
 
-    whole, own, tolerances = vehicle_given(car)
+    whole, own, tolerances, _ = vehicle_given(car)
     vehicle = whole.single_track()
     kept, doubts, warnings = admit(given.runs, vehicle)
     stated = {doubt.sentence for doubt in doubts if doubt.column is not None}  # by what is asked of the columns already

@@ -7,13 +7,19 @@ import pytest
 
 from drift_drake.car.car_file import read_car
 from drift_drake.car.double_track.parameters import CARS, DoubleTrackParameters
+from drift_drake.car.given_vehicle import vehicle_given
 from drift_drake.car.log.table import InvalidLogError
 from drift_drake.car.parameters import InvalidVehicleError, VehicleParameters
+from drift_drake.car.vehicle_file import write_vehicle
 from drift_drake.cli.main import main
+from drift_drake.gap.diagnosis.answers.answer import UnplannableError
+from drift_drake.gap.diagnosis.likelihood.beliefs import Belief, Sensing
 from drift_drake.gap.identification import by_prediction
 from drift_drake.gap.identification import identify as identification
 from drift_drake.gap.identification.calibration import read_trust
 from drift_drake.gap.identification.identify import identify, may_have_two_tracks
+from drift_drake.gap.next_drive import plan as next_drive
+from drift_drake.gap.next_drive.plan import NextDrive
 from tests.conftest import OtherCar
 from tests.gap.diagnosis.calibrated.test_calibrated_command import write_day
 
@@ -32,7 +38,7 @@ def folder(other_car: OtherCar, tmp_path_factory: pytest.TempPathFactory) -> Pat
         patch.setattr(identification, "FURTHER", ())
         patch.setattr(by_prediction, "MOST_WINDOWS", 100)
         code = main(["identify", str(folder / "baseline"), "--vehicle", str(folder / "start.yaml"), "--criterion",
-                     "prediction", "--car", "auto", "--out", str(folder / "car.yaml"), "--json",
+                     "prediction", "--out", str(folder / "car.yaml"), "--json",
                      str(folder / "car.json"), "--quiet", "--effects", "tyre_relaxation", "--known",
                      *KNOWN])  # fmt: skip
     assert code == 0
@@ -85,7 +91,7 @@ def test_a_day_is_diagnosed_applied_and_played(folder: Path, capsys: pytest.Capt
     [
         (["diagnose", "LATE"], "give --calibration"),
         (["check", "LATE"], "give --calibration"),
-        (["watch", "LATE/run_0.csv"], "give a single-track vehicle file"),
+        (["simulate", "slalom", "--out", "LATE/simulated.csv"], "give a single-track vehicle file"),
     ],
 )
 def test_what_asks_for_a_single_track_car_says_so(
@@ -96,6 +102,44 @@ def test_what_asks_for_a_single_track_car_says_so(
     said = capsys.readouterr().err
     assert words in said
     assert "Traceback" not in said
+
+
+def test_a_drive_is_watched_by_the_single_track_car_that_is_kept(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """And of a file without one the sentence says which calibration writes it."""
+    log, given = str(folder / "baseline" / "run_0.csv"), vehicle_given(folder / "car.yaml")
+    calibrated = ["--calibration", str(folder / "car.json")]
+    assert main(["watch", log, "--vehicle", str(folder / "car.yaml"), *calibrated]) == 0
+    said = capsys.readouterr()
+    assert "nothing has changed" in said.out
+    assert "this uses the single-track car that was calibrated on the same logs" in said.err
+    alone = folder / "alone.yaml"
+    write_vehicle(alone, given.parameters, given.effects)
+    assert main(["watch", log, "--vehicle", str(alone), *calibrated]) == BAD_INPUT
+    assert "that 'drift-drake identify --car auto' or '--car single-track' writes" in capsys.readouterr().err
+
+
+def test_the_next_drive_is_planned_for_the_single_track_car_that_is_kept(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Between the hypotheses that the answer of the double-track car leaves open."""
+    planned = []
+
+    def plan(vehicle: VehicleParameters, sensing: Sensing, beliefs: list[Belief], _: object) -> NextDrive:
+        planned.append((vehicle, sensing.own, [belief.names for belief in beliefs]))
+        raise UnplannableError("planned")
+
+    monkeypatch.setattr(next_drive, "plan_next", plan)
+    car, answer = str(folder / "car.yaml"), str(folder / "open.json")
+    assert main(["diagnose", str(folder / "baseline"), "--vehicle", car, "--calibration", str(folder / "car.json"),
+                 "--quiet", "--workers", "1", "--effects", "steering_delay", "road_grade", "gyro_bias", "--json",
+                 answer]) == 0  # fmt: skip
+    main(["plan-next", answer, "--vehicle", car])
+    assert "this uses the single-track car" in capsys.readouterr().err
+    (found,) = planned
+    assert found[:2] == vehicle_given(car).single_track
+    assert len(found[2]) > 1
 
 
 def test_a_calibration_of_the_other_kind_of_car_is_refused(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:

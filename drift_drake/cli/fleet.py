@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 import tyro
 
+from drift_drake.car.given_vehicle import on_one_track, vehicle_given
 from drift_drake.car.log.table import InvalidLogError, run_paths
-from drift_drake.car.vehicle_file import read_vehicle
 from drift_drake.common.errors import InvalidOptionError
 from drift_drake.common.executors import ExecutorConfig
 from drift_drake.common.interruption import ended_at_once
@@ -45,7 +45,9 @@ class Fleet:
 
 
 def run_fleet(command: Fleet) -> None:
-    vehicle, own = read_vehicle(command.vehicle)
+    vehicle, own, remark = on_one_track(vehicle_given(command.vehicle), command.vehicle)
+    if remark:
+        print(f"warning: {remark}", file=sys.stderr)
     if command.workers < 1:
         raise InvalidOptionError(f"--workers {command.workers}: give 1 or more")
     folders = day_folders(command.folder)

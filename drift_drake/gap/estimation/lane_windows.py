@@ -69,6 +69,46 @@ def _steps(x: Any, period: Any, constants: Any, effects: Any, bounds: Any, z: An
     return min(max(by_time, int(period * fastest(z, constants, effects) / per_rate) + 1), most)
 
 
+@jitable
+def _advance(x: Any, row: Any, period: Any, steps: Any, delta: Any, torque: Any, start_y: Any, effects: Any, fed: Any,
+             car: Any, scratch: Any) -> None:  # fmt: skip
+    """The states x a row later, in place; with `fed`, speeds are those of the measurement."""
+    k, w, read, command = scratch
+    begin = _commanded(delta, torque, row, 0.0, command)
+    for step in range(steps):
+        if fed:
+            _gathered(start_y, row, step / steps, read)
+            _measured_state(read, effects, True, x)
+        middle = _commanded(delta, torque, row, (step + 0.5) / steps, command)
+        end = _commanded(delta, torque, row, (step + 1.0) / steps, command)
+        runge_kutta(rates, x, begin, middle, end, period / steps, car, k, w)
+        begin = end
+        for lane in range(LANES):
+            x[LANES + lane] = max(x[LANES + lane], MIN_FILTER_SPEED)
+            x[3 * LANES + lane] = max(x[3 * LANES + lane], 0.0)
+
+
+@jitable
+def _next_starts(starts: Any, s: Any, each: Any, lead: Any, at: Any, start: Any, anew: Any) -> Any:
+    """Sets each lane's next start, and whether it is settled anew on the way; how many rows the furthest is behind."""
+    behind = 0
+    for lane in range(LANES):
+        start[lane] = starts[min(lane * each + s, len(starts) - 1)]
+        anew[lane] = start[lane] - at[lane] > lead
+        at[lane] = max(start[lane] - lead, 0) if anew[lane] else at[lane]
+        behind = max(behind, start[lane] - at[lane])
+    return behind
+
+
+@jitable
+def _errors(y: Any, end: Any, effects: Any, z: Any, lane: Any, out: Any) -> None:
+    """Writes a lane's errors [5] at a row."""
+    r, v, beta, omega_r = unbiased(y[end, 0], y[end, 1], y[end, 2], y[end, 3], effects)
+    out[0], out[1] = r - z[lane], v - z[LANES + lane]
+    out[2], out[3] = beta - z[2 * LANES + lane], omega_r - z[3 * LANES + lane]
+    out[4] = y[end, 4] - z[4 * LANES + lane]
+
+
 @compiled
 def predict_in_lanes(
     start_y: Any, y: Any, starts: Any, stride_rows: Any, delta: Any, torque: Any, period: Any, constants: Any,
@@ -79,19 +119,14 @@ def predict_in_lanes(
     Args:
         bounds: of a step [s], of a step times the fastest rate, and of steps a row; the others as there.
     """
-    count, lead = len(starts), int(np.ceil(LEAD / period))
-    each = (count + LANES - 1) // LANES
+    lead, each = int(np.ceil(LEAD / period)), (len(starts) + LANES - 1) // LANES
     z, carried, before = np.zeros(size * LANES), np.zeros(size * LANES), np.zeros(size * LANES)
     k, w, push = np.zeros(size * LANES), np.zeros((2, size * LANES)), np.zeros(3 * LANES)
     read, command, one = np.zeros(5 * LANES), np.zeros(2 * LANES), np.zeros(size)
     at, start, row = np.full(LANES, -lead - 1), np.zeros(LANES, np.int64), np.zeros(LANES, np.int64)
+    anew = np.zeros(LANES, np.bool_)
     for s in range(each):
-        behind, anew = 0, np.zeros(LANES, np.bool_)
-        for lane in range(LANES):
-            start[lane] = starts[min(lane * each + s, count - 1)]
-            anew[lane] = start[lane] - at[lane] > lead
-            at[lane] = max(start[lane] - lead, 0) if anew[lane] else at[lane]
-            behind = max(behind, start[lane] - at[lane])
+        behind = _next_starts(starts, s, each, lead, at, start, anew)
         if np.any(anew):
             before[:] = carried
             _gathered(start_y, at, 0.0, read)
@@ -118,30 +153,13 @@ def predict_in_lanes(
                 if pushes.shape[0] == y.shape[0]:
                     _gathered(pushes, row, 0.0, push)
                 steps = _steps(x, period, constants, effects, bounds, one)
-                begin = _commanded(delta, torque, row, 0.0, command)
-                for step in range(steps):
-                    if fed:
-                        _gathered(start_y, row, step / steps, read)
-                        _measured_state(read, effects, True, x)
-                    middle = _commanded(delta, torque, row, (step + 0.5) / steps, command)
-                    end = _commanded(delta, torque, row, (step + 1.0) / steps, command)
-                    runge_kutta(rates, x, begin, middle, end, period / steps, (constants, effects, push), k, w)
-                    begin = end
-                    for lane in range(LANES):
-                        x[LANES + lane] = max(x[LANES + lane], MIN_FILTER_SPEED)
-                        x[3 * LANES + lane] = max(x[3 * LANES + lane], 0.0)
+                _advance(x, row, period, steps, delta, torque, start_y, effects, fed, (constants, effects, push),
+                         (k, w, read, command))  # fmt: skip
                 for lane in range(LANES if part == 0 else 0):
                     if at[lane] < start[lane]:
                         at[lane] += 1
                     else:
                         _copied(before, lane, carried)
             for lane in range(LANES if part > 0 else 0):
-                end_row = start[lane] + part * stride_rows
-                index = min(lane * each + s, count - 1)
-                read_r, read_v, read_beta, read_rim = unbiased(
-                    y[end_row, 0], y[end_row, 1], y[end_row, 2], y[end_row, 3], effects
-                )
-                out[index, part - 1, 0], out[index, part - 1, 1] = read_r - z[lane], read_v - z[LANES + lane]
-                out[index, part - 1, 2] = read_beta - z[2 * LANES + lane]
-                out[index, part - 1, 3] = read_rim - z[3 * LANES + lane]
-                out[index, part - 1, 4] = y[end_row, 4] - z[4 * LANES + lane]
+                index = min(lane * each + s, len(starts) - 1)
+                _errors(y, start[lane] + part * stride_rows, effects, z, lane, out[index, part - 1])

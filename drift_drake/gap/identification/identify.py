@@ -79,8 +79,7 @@ def identify(
     began = time.perf_counter()
     tell = progress or (lambda _stage, _share: None)
     check_effect_names(known, names)
-    vehicle = first.single_track()
-    first = vehicle if kind == "single-track" and isinstance(first, DoubleTrackParameters) else first
+    vehicle, first = first.single_track(), first_of_kind(first, kind)
     runs, _, warnings = admit(runs, vehicle)
     warnings += [
         f"effect {name}: calibrated anyway, as a parameter of the vehicle file" for name in names if name in OWN
@@ -104,6 +103,11 @@ def identify(
     c = dataclasses.replace(c, seconds=time.perf_counter() - began, driving=driving, warnings=warnings)
     tell("done", 1.0)
     return dataclasses.replace(found, calibration=c)
+
+
+def first_of_kind(first: CarParameters, kind: CarKind) -> CarParameters:
+    """The first guess; of a double-track car the nearest single-track one, where that is asked for."""
+    return first.single_track() if kind == "single-track" and isinstance(first, DoubleTrackParameters) else first
 
 
 def calibrated(runs: Sequence[Run], asked: Asked, tell: Progress) -> Identification:

@@ -10,6 +10,7 @@ from drift_drake.car.double_track.motion import (
     NOT_OF_THIS_CAR,
     OwnStates,
     double_track_motion,
+    own_states,
     settled_states,
 )
 from drift_drake.car.double_track.parameters import changed_constants
@@ -41,12 +42,7 @@ def rates(z: Any, command: Any, car: Any, out: Any) -> None:
     """Writes the states' rates; where commands are `lanes`, those of that many cars."""
     constants, effects, wrench = car
     delta, torque = command
-    own = OwnStates(
-        loaded(z, 5, delta), loaded(z, 6, delta), loaded(z, 7, delta), loaded(z, 8, delta), loaded(z, 9, delta),
-        loaded(z, 10, delta), loaded(z, 11, delta), loaded(z, 12, delta), loaded(z, 13, delta), loaded(z, 14, delta),
-        loaded(z, 15, delta), loaded(z, 16, delta), loaded(z, 17, delta),
-    )  # fmt: skip
-    r = loaded(z, 0, delta)
+    r, own = loaded(z, 0, delta), own_states(z, 5, delta)
     motion, further = double_track_motion(
         r, loaded(z, 1, delta), loaded(z, 2, delta), loaded(z, 3, delta), loaded(z, 4, delta), own, delta, torque,
         constants, effects, loaded(wrench, 0, delta), loaded(wrench, 1, delta), loaded(wrench, 2, delta),

@@ -16,9 +16,9 @@ from drift_drake.car.double_track.parameters import DoubleTrackConstants, Double
 from drift_drake.car.double_track.stepping import OWN, SIZE, advance_state, path_motion
 from drift_drake.car.effects.magnitudes import Effects
 from drift_drake.car.integrate import runge_kutta
+from drift_drake.car.lanes import LANES, load_lanes, store_lanes
 from drift_drake.car.scalar import jitable
 from drift_drake.car.single_track.effects_step import InternalStateObserver, check_one_step
-from drift_drake.car.single_track.motion import path_rates
 from drift_drake.car.step_model import INPUT_SCALE, STATE_SCALE, STEP, StepModel
 from drift_drake.common.arrays import Array
 
@@ -27,6 +27,7 @@ OWN_SCALE = np.array(OwnStates(
     front_right_slip=0.3, rear_left_slip=0.3, rear_right_slip=0.3, rear_left_drive_slip=0.3, rear_right_drive_slip=0.3,
 ))  # fmt: skip
 DIFFERENCES = 1e-7 * np.concatenate([STATE_SCALE, OWN_SCALE, INPUT_SCALE])
+COLUMNS = -(-(SIZE + 4) // LANES) * LANES  # of (x, u, u_next), or of moved states and inputs and then none, in lanes
 LEAST_SUBSTEPS = 16
 ACCURATE = 1.8  # of a sub-step times the fastest eigenvalue: RK4 is stable to 2.8 or so; a loaded tyre is stiffer
 SPEEDS = (3.0, 10.0, 30.0)  # [m/s] at which, rolling straight ahead, the fastest eigenvalue is looked for
@@ -112,23 +113,20 @@ def _contiguous(u: Array, u_next: Array, curvature: Array) -> tuple[Array, Array
 @compiled
 def _linearized(x: Array, command: Array, curvature: float, p: DoubleTrackConstants, q: Effects,
                 jacobian: Array) -> None:  # fmt: skip
-    """Writes the derivatives of the rates by (x, delta, tau) [19, 21], as forward differences."""
-    z, rates, moved = np.empty(SIZE + 2), np.empty(SIZE), np.empty(SIZE)
-    for i in range(SIZE):
-        z[i] = x[i]
-    z[SIZE], z[SIZE + 1] = command[0], command[1]
-    path_motion(z[:SIZE], z[SIZE], z[SIZE + 1], curvature, p, q, rates)
-    for j in range(SIZE + 2):
-        before = z[j]
-        z[j] += DIFFERENCES[j]
-        if j == 4 or j == 5:  # nothing but the path's own rates depends on the place on it
-            moved[:] = rates
-            moved[4], moved[5], _ = path_rates(z[0], z[1], rates[2], z[4], z[5], curvature)
-        else:
-            path_motion(z[:SIZE], z[SIZE], z[SIZE + 1], curvature, p, q, moved)
+    """Writes the derivatives of the rates by (x, delta, tau) [19, 21], as forward differences: a lane each."""
+    z, out, rates = np.empty((SIZE + 2) * LANES), np.empty(SIZE * LANES), np.empty((SIZE, COLUMNS))
+    for first in range(0, COLUMNS, LANES):
+        for i in range(SIZE + 2):
+            value = x[i] if i < SIZE else command[i - SIZE]
+            for lane in range(LANES):
+                z[i * LANES + lane] = value + (DIFFERENCES[i] if i == first + lane else 0.0)
+        path_motion(z, load_lanes(z, SIZE), load_lanes(z, SIZE + 1), curvature, p, q, out)
         for i in range(SIZE):
-            jacobian[i, j] = (moved[i] - rates[i]) / DIFFERENCES[j]
-        z[j] = before
+            for lane in range(LANES):
+                rates[i, first + lane] = out[i * LANES + lane]
+    for i in range(SIZE):
+        for j in range(SIZE + 2):
+            jacobian[i, j] = (rates[i, j] - rates[i, SIZE + 2]) / DIFFERENCES[j]
 
 
 @compiled
@@ -149,12 +147,11 @@ def _sensitivities(x: Array, u: Array, u_next: Array, curvature: Array, p: Doubl
     middle of each sub-step."""
     work, before, middle, command = np.empty((3, SIZE)), np.empty(SIZE), np.empty(SIZE), np.empty(2)
     jacobian = np.zeros((SIZE, SIZE + 2))
-    k, scratch = np.empty(SIZE * (SIZE + 4)), np.empty((2, SIZE * (SIZE + 4)))
+    s, k, scratch = np.empty((SIZE, COLUMNS)), np.empty(SIZE * COLUMNS), np.empty((2, SIZE * COLUMNS))
     h = dt / substeps
     for n in range(x.shape[0]):
-        s = sensitivity[n]
         for i in range(SIZE):
-            for j in range(SIZE + 4):
+            for j in range(COLUMNS):
                 s[i, j] = 1.0 if i == j else 0.0
         for sub in range(substeps):
             first, last = sub / substeps, (sub + 1) / substeps
@@ -167,20 +164,19 @@ def _sensitivities(x: Array, u: Array, u_next: Array, curvature: Array, p: Doubl
                 command[i] = u[n, i] + share * (u_next[n, i] - u[n, i])
             _linearized(middle, command, curvature[n], p, q, jacobian)
             runge_kutta(_sensitivity_rates, s.reshape(-1), (first,), (share,), (last,), h, jacobian, k, scratch)
+        sensitivity[n] = s[:, : SIZE + 4]
 
 
 @jitable
 def _sensitivity_rates(s: Array, share: tuple[float], jacobian: Array, out: Array) -> None:
     """dS/dt = A S + B (input's share), S and its rates flat, [A B] the jacobian."""
-    n = SIZE + 4
+    n, blocks = COLUMNS, COLUMNS // LANES
     for i in range(SIZE):
-        for j in range(n):
-            out[i * n + j] = 0.0
-        for m in range(SIZE):
-            a = jacobian[i, m]
-            if a != 0.0:
-                for j in range(n):
-                    out[i * n + j] += a * s[m * n + j]
+        for block in range(blocks):
+            total = jacobian[i, 0] * load_lanes(s, block)
+            for m in range(1, SIZE):
+                total = total + jacobian[i, m] * load_lanes(s, m * blocks + block)
+            store_lanes(out, i * blocks + block, total)
         for j in range(2):
             out[i * n + SIZE + j] += (1.0 - share[0]) * jacobian[i, SIZE + j]
             out[i * n + SIZE + 2 + j] += share[0] * jacobian[i, SIZE + j]

@@ -5,11 +5,11 @@ States [19]: r [rad/s], v [m/s], beta [rad], omega_r [m/s], e [m], dphi [rad], t
 
 from typing import Any
 
-from drift_drake.car.double_track.motion import OwnStates, double_track_motion
+from drift_drake.car.double_track.motion import OwnStates, double_track_motion, own_states
 from drift_drake.car.double_track.parameters import DoubleTrackConstants
 from drift_drake.car.effects.magnitudes import Effects
 from drift_drake.car.integrate import ramp, runge_kutta
-from drift_drake.car.scalar import fixed_tuple, jitable
+from drift_drake.car.scalar import jitable, loaded, stored
 from drift_drake.car.single_track.motion import path_rates
 from drift_drake.common.arrays import Array
 
@@ -20,13 +20,15 @@ SIZE = 6 + OWN
 @jitable
 def path_motion(x: Any, delta: Any, tau: Any, curvature: Any, p: DoubleTrackConstants, q: Effects,
                 out: Any) -> None:  # fmt: skip
-    """Writes the states' rates under the commands delta [rad] and tau [N m], on a path of this curvature [1/m]."""
-    own = OwnStates(*fixed_tuple(x[6:], OWN))
-    m, d = double_track_motion(x[0], x[1], x[2], x[3], 0.0, own, delta, tau, p, q)
-    e_dot, dphi_dot, _ = path_rates(x[0], x[1], m.beta_dot, x[4], x[5], curvature)
-    out[0], out[1], out[2], out[3], out[4], out[5] = m.r_dot, m.v_dot, m.beta_dot, m.omega_r_dot, e_dot, dphi_dot
+    """Writes the states' rates under the commands delta [rad] and tau [N m], on a path of this curvature [1/m]; where
+    commands are `lanes`, those of that many cars."""
+    r, v, beta, omega_r = loaded(x, 0, delta), loaded(x, 1, delta), loaded(x, 2, delta), loaded(x, 3, delta)
+    m, d = double_track_motion(r, v, beta, omega_r, 0.0, own_states(x, 6, delta), delta, tau, p, q)
+    e_dot, dphi_dot, _ = path_rates(r, v, m.beta_dot, loaded(x, 4, delta), loaded(x, 5, delta), curvature)
+    for i, rate in enumerate((m.r_dot, m.v_dot, m.beta_dot, m.omega_r_dot, e_dot, dphi_dot)):
+        stored(out, i, rate)
     for i, rate in enumerate(d):
-        out[6 + i] = rate
+        stored(out, 6 + i, rate)
 
 
 @jitable

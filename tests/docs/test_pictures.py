@@ -1,4 +1,4 @@
-"""Pictures of the pages: each has an alt text, a caption with its command, and is small enough for a phone's connection."""
+"""Pictures of the pages: each has an alt text, a caption with its command, and few bytes for a phone's connection."""
 
 import re
 from pathlib import Path

@@ -24,7 +24,7 @@ help:
 	@echo "make fuzz       malformed inputs of every kind (FUZZ_CASES=10000)"
 	@echo "make docs       the documentation, into build/site"
 	@echo "make docs-version  the documentation of the newest tag's version, next to those before, onto the branch gh-pages"
-	@echo "make pictures   the documentation's drawings, and its animation of a diagnosis"
+	@echo "make pictures   the documentation's drawings, its animation of a diagnosis, its pages as a phone shows them (Chromium)"
 	@echo "make lint       linters of code, spelling and prose, and the type checker, alone"
 	@echo "make format     rewrite the sources in the house's format"
 	@echo "make clean      remove the virtual environment and all caches"
@@ -78,7 +78,8 @@ docs-version: .venv/installed-all
 	$(BIN)/mike deploy --update-aliases $(VERSION) latest
 	$(BIN)/mike set-default latest
 
-PICTURES := car_frames diagnosis drive_time_series effects_map gap predictions safe_stop layers loop two_criteria
+# Without figure_8, whose drives take hours.
+PICTURES := car_frames demo diagnosis drive_time_series effects_map gap layers loop predictions replay report safe_stop two_criteria
 
 pictures: .venv/installed-all
 	$(BIN)/python -m diagrams.docs_picture

@@ -17,9 +17,6 @@ COINED_NAMES = re.compile(
     r"|mend(?:s|ed|ing)?|push(?:es|ed)?|rooms?|wide vehicles?|drawn wide|has memory|settled memory"
     r"|memory (?:scale|rates|starts|observer))\b"
 )
-# Names that the files of the windows' equations share, to be renamed with them.
-AWAITED = {"row_weight", "Everyday", "everyday", "push", "pushes", "pushed", "NO_PUSH"}
-ARGUMENT = re.compile(rf"\b(?:{'|'.join(sorted(AWAITED))}):")  # of a docstring
 QUOTES = re.compile(r"^[a-zA-Z]*('''|\"\"\"|'|\")|('''|\"\"\"|'|\")$")
 WORDS = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|\d+")
 
@@ -42,7 +39,7 @@ def said_in_code(source: str) -> Iterator[tuple[int, str]]:
         if token.type == tokenize.COMMENT:
             comments.append((token.start[0], token.string.lstrip("#: ")))
         elif token.type == tokenize.STRING and " " in token.string.strip():
-            yield token.start[0], ARGUMENT.sub("", QUOTES.sub("", token.string))
+            yield token.start[0], QUOTES.sub("", token.string)
     while comments:
         first, text = comments.pop(0)
         last = first
@@ -54,7 +51,7 @@ def said_in_code(source: str) -> Iterator[tuple[int, str]]:
 
 def coined_names(source: str) -> Iterator[tuple[int, str]]:
     """(Line, name) of each coined name, where it is first."""
-    seen = set(AWAITED)
+    seen: set[str] = set()
     for token in tokenize.generate_tokens(io.StringIO(source).readline):
         if token.type == tokenize.NAME and token.string not in seen and COINED_NAMES.search(words_of(token.string)):
             seen.add(token.string)

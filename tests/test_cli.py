@@ -167,7 +167,7 @@ def test_plan_next_follows_an_answer(tmp_path, vehicle_path, capsys):
 
 UNKNOWN = ANSWER | {
     "verdict": "unknown", "causes": [], "posterior": {"unknown": 1.0}, "ambiguity": ["unknown"], "magnitudes": {},
-    "details": {"beliefs": {"noise": [0.1] * 9, "used": [True] * 9, "process": [0.1] * 9, "row_weight": 1.0, "own": {},
+    "details": {"beliefs": {"noise": [0.1] * 9, "used": [True] * 9, "process": [0.1] * 9, "tempering": 1.0, "own": {},
                             "hypotheses": {}}},
 }  # fmt: skip
 
@@ -184,7 +184,7 @@ def test_no_plan_follows_an_answer_of_unknown(tmp_path, vehicle_path, capsys):
     [
         (["diagnose", "CASE", "--workers", "0"], "--workers 0: give 1 or more"),
         (["diagnose", "CASE", "--noise-scale", "nan"], "--noise-scale and --process-scale are factors above 0"),
-        (["diagnose", "CASE", "--row-weight", "nan"], "above 0, up to 1"),
+        (["diagnose", "CASE", "--tempering", "nan"], "above 0, up to 1"),
         (["diagnose", "CASE", "--json", "CASE"], "is a folder; give the name of a file"),
         (["diagnose", "CASE", "--json", "VEHICLE"], "is an input too; give another file"),
         (["diagnose", "CASE", "--report", "VEHICLE/x.html"], "cannot be written"),

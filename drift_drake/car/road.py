@@ -5,7 +5,7 @@ import numpy as np
 from drift_drake.car.effects.magnitudes import Effects
 from drift_drake.common.arrays import Array
 
-NO_PUSH = np.empty((0, 3))
+NO_WRENCH = np.empty((0, 3))
 
 
 def bank_force(bank: Array, weight: float, magnitude: float) -> Array:
@@ -24,7 +24,7 @@ def on_road(bank: Array | None, mass: float, gravity: float, effects: Effects) -
         (effects, force (F_x, F_y) [N] and yaw moment [N m] from each row to the next [rows, 3]; no rows without a bank)
     """
     if bank is None:
-        return effects, NO_PUSH
+        return effects, NO_WRENCH
     force = bank_force(bank, mass * (1.0 + effects.mass_error) * gravity, effects.road_bank)
     wrench = np.zeros((len(bank), 3))
     wrench[:-1, 1], wrench[-1, 1] = 0.5 * (force[:-1] + force[1:]), force[-1]

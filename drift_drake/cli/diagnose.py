@@ -62,7 +62,7 @@ class Diagnose:
     """Factor on the process noise: above one for a real car, as `drift-drake identify` found it."""
     noise_scale: float = 1.0
     """Factor on the sensors' noise: above one where it is not white, as `drift-drake identify` found it."""
-    row_weight: float = 1.0
+    tempering: float = 1.0
     """What one row is worth, in (0, 1]: below one for a real car, as `drift-drake identify` found it. Model
     mismatch that the calibrated car had on the day of calibration is then no gap; only what goes beyond it is."""
     calibration: Path | None = None
@@ -100,7 +100,7 @@ def run_diagnose(command: Diagnose) -> int:
     effects = chosen_effects(command)
     check_options(effects, command.without, command.every, command.most_seconds, command.workers)
     trusting = (
-        command.calibration, command.process_scale, command.noise_scale, command.row_weight, command.false_alarms
+        command.calibration, command.process_scale, command.noise_scale, command.tempering, command.false_alarms
     )  # fmt: skip
     check_trust(*trusting)
     folders = case_folders(command.case)
@@ -151,7 +151,7 @@ def _diagnose_one(command: Diagnose, by_prediction: bool, options: Mapping[str, 
     with progress_bar(command.quiet) as show:
         diagnosis = diagnose(
             command.case, command.vehicle, command.calibration, process_scale=command.process_scale,
-            noise_scale=command.noise_scale, row_weight=command.row_weight, false_alarms=command.false_alarms,
+            noise_scale=command.noise_scale, tempering=command.tempering, false_alarms=command.false_alarms,
             workers=command.workers, progress=show,
             **further,
         )  # fmt: skip

@@ -114,10 +114,10 @@ def summary(found: "Identification", json: Path | None = None) -> str:
     if c.normal is not None:
         lines.append(f"For 'drift-drake diagnose' of later logs of this car: --calibration {where}")
         return "\n".join([*lines, *(f"  warning: {warning}" for warning in c.warnings)])
-    scales = f"--noise-scale {c.trust.noise:.2g} --process-scale {c.trust.process:.2g} --row-weight {c.row_weight:.2g}"
+    scales = f"--noise-scale {c.trust.noise:.2g} --process-scale {c.trust.process:.2g} --tempering {c.tempering:.2g}"
     lines.append(f"For 'drift-drake diagnose' on this car: {scales}")
-    if c.everyday is not None:
-        lines.append(f"or, so that a row is worth {c.everyday.row_weight:.2g} with its model discrepancy: "
+    if c.discrepancy is not None:
+        lines.append(f"or, so that a row is worth {c.discrepancy.tempering:.2g} with its model discrepancy: "
                      f"--calibration {where}")  # fmt: skip
     return "\n".join([*lines, *(f"  warning: {warning}" for warning in c.warnings)])
 

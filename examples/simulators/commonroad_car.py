@@ -49,7 +49,7 @@ def stepping() -> Any:
             namespace[name] = numba.njit(namespace[name], error_model="numpy")
     rates = namespace["vehicle_dynamics_mb"]
 
-    @numba.njit(error_model="numpy")
+    @numba.njit(error_model="numpy")  # type: ignore[untyped-decorator]
     def step(x: Any, steering: Any, drive: Any, steps: Any, h: Any, p: Any) -> None:
         for i in range(steps):
             first, then = i / steps, (i + 1) / steps

@@ -15,7 +15,7 @@ LOAD_TIME = 0.06  # [s]
 STEPS = 4  # of Heun's method in a row
 
 
-def rates(z: Numbers, steering: Numbers, torque: Numbers, push: Numbers, p: Mapping[str, float]) -> Numbers:
+def rates(z: Numbers, steering: Numbers, torque: Numbers, wrench: Numbers, p: Mapping[str, float]) -> Numbers:
     """Rates of z [n, 7]: yaw rate, v_x, v_y, wheel speed [rad/s], heading, lagged a_x and a_y."""
     r, v_x, v_y, wheel, _, a_x, a_y = z.T
     lf, lr, track = p["lf"], p["lr"], p["track"]
@@ -23,7 +23,12 @@ def rates(z: Numbers, steering: Numbers, torque: Numbers, push: Numbers, p: Mapp
     shift = p["m"] * a_x * p["h"] / base  # to the rear
     front, rear = weight * lr / base - shift, weight * lf / base + shift
     roll = p["m"] * a_y * p["h"] / track  # to the right, in a left turn
-    force_x, force_y, moment, on_wheels = push[:, 0].copy(), push[:, 1].copy(), push[:, 2].copy(), np.zeros_like(r)
+    force_x, force_y, moment, on_wheels = (
+        wrench[:, 0].copy(),
+        wrench[:, 1].copy(),
+        wrench[:, 2].copy(),
+        np.zeros_like(r),
+    )
     for axle, (load, x, share, stiffness, grip) in enumerate((
         (front, lf, p["roll_front"], p["Cf"], p["mu_f"]), (rear, -lr, 1.0 - p["roll_front"], p["Cr"], p["mu_r"]),
     )):  # fmt: skip
@@ -69,14 +74,14 @@ def simulate(
     r, v_x, v_y = (np.asarray(start[name], dtype=float) for name in ("yaw_rate", "v_x", "v_y"))
     z = np.stack([r, v_x, v_y, start["wheel"], 0.0 * r, 0.0 * r, r * v_x], axis=-1)
     steering = np.radians(inputs["hand_wheel"]) / p["steering_ratio"]
-    push = np.stack([inputs["F_x"], inputs["F_y"], inputs["M_z"]], axis=-1)
+    wrench = np.stack([inputs["F_x"], inputs["F_y"], inputs["M_z"]], axis=-1)
     rows, h = steering.shape[-1], dt / STEPS
     out = [z]
     torque = inputs["axle_torque"]
     for row in range(rows - 1):
         for step in range(STEPS):
             a, b = step / STEPS, (step + 1) / STEPS
-            first, then = ([u[:, row] + share * (u[:, row + 1] - u[:, row]) for u in (steering, torque, push)]
+            first, then = ([u[:, row] + share * (u[:, row + 1] - u[:, row]) for u in (steering, torque, wrench)]
                            for share in (a, b))  # fmt: skip
             k = rates(z, first[0], first[1], first[2], p)
             z = z + 0.5 * h * (k + rates(z + h * k, then[0], then[1], then[2], p))

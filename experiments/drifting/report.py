@@ -322,7 +322,13 @@ def draw(folder: Path, runs: pd.DataFrame, reference: Reference, pictured: Seque
     parameters, shown = VehicleParameters(), pictured_models(runs, pictured)
     drawn = {LABELS.get(model, model): _read(folder, run) for model, run in pictured_runs(runs, shown).items()}
     write_figure(time_series(drawn, reference, parameters), folder / "time_series.png")
-    vehicle, panels = pictured_vehicle(runs, shown), []
+    panels = overhead_of(folder, runs, pictured_vehicle(runs, shown))
+    write_figure(overhead_panels(panels, reference, parameters), folder / "overhead.png")
+
+
+def overhead_of(folder: Path, runs: pd.DataFrame, vehicle: int) -> list[OverheadPanel]:
+    """A panel a model: all of its runs, and its median one, of a vehicle where that one was completed."""
+    panels = []
     for model, group in runs.groupby("model", sort=False):
         completed = group[group["completed"]]
         same = completed[completed["vehicle"] == vehicle]
@@ -330,7 +336,7 @@ def draw(folder: Path, runs: pd.DataFrame, reference: Reference, pictured: Seque
         title = f"{LABELS.get(str(model), str(model))}: {held(group).sum()} of {len(group)} held the drift"
         tables = [_read(folder, run) for _, run in group.iterrows()]
         panels.append(OverheadPanel(title, tables, list(group["outcome"]), _read(folder, median_run(picked))))
-    write_figure(overhead_panels(panels, reference, parameters), folder / "overhead.png")
+    return panels
 
 
 def _read(folder: Path, run: pd.Series) -> pd.DataFrame:

@@ -81,7 +81,7 @@ def asked(found: Identification, runs: list[Run]) -> dict[str, Any]:
     else:
         car = single_track_of(found.vehicle)
         answer = diagnose(runs, car, workers=1, process_scale=c.trust.process, noise_scale=c.trust.noise,
-                          own=found.effects, row_weight=c.row_weight, everyday=c.everyday).answer  # fmt: skip
+                          own=found.effects, tempering=c.tempering, discrepancy=c.discrepancy).answer  # fmt: skip
     return {
         "sentence": answer.sentence(),
         "name": "+".join(answer.causes) or answer.verdict,

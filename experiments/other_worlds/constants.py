@@ -127,7 +127,7 @@ def learnt(world: KeptWorld, regular: float) -> tuple[Spread, Known, float]:
         regular: times `REGULAR`, that the scores are projected with.
     """
     seen = world.baseline[regular]
-    spread = baseline.spread_of(seen, world.names, world.everyday)
+    spread = baseline.spread_of(seen, world.names, world.least_deviations)
     before = baseline.with_partial(baseline.left_of(world.prior, world.fitted), len(seen.information))
     known = baseline.known_from(seen.stretches, spread, before)
     apart = baseline.left_out(seen.stretches, spread, before)

@@ -89,7 +89,7 @@ def rows_of(name: str, world: Path, folder: Path) -> list[Row]:
         if code in labels:
             label, answer = labels[code], answer_of(folder / name / f"{code}.json")
             out.append(Row(name, car_of(world), code, label["effects"], answer, label.get("strange"),
-                           bool(label.get("everyday")), label.get("drives", "")))  # fmt: skip
+                           bool(label.get("within_tolerances")), label.get("drives", "")))  # fmt: skip
     return out
 
 

@@ -35,7 +35,7 @@ class Row:
     effects: dict[str, float]
     answer: dict[str, Any]
     strange: str | None = None  # kind of a fault that the catalogue lacks
-    everyday: bool = False  # nothing but what varies from day to day, by less than a gap
+    within_tolerances: bool = False  # nothing but what varies from day to day, by less than a gap
     drives: str = ""  # those of the day, relative to the calibration's
 
     @property
@@ -129,8 +129,8 @@ def scores(rows: Sequence[Row]) -> dict[str, Any]:
         "effects in the ambiguity set": share(row.held for row in gaps),
         "days with none: false alarms": share(row.said not in (NONE, *FAILED) for row in nothing),
         "days with none: an effect is named": share(row.answer["verdict"] == "effect" for row in nothing),
-        "days with everyday variation alone: false alarms": share(
-            row.said not in (NONE, *FAILED) for row in nothing if row.everyday
+        "days with variation within tolerances alone: false alarms": share(
+            row.said not in (NONE, *FAILED) for row in nothing if row.within_tolerances
         ),
         "effects called none": share(row.said == NONE for row in gaps),
         "effects called unknown": share(row.said == UNKNOWN for row in gaps),

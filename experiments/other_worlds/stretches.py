@@ -54,7 +54,7 @@ class Calibrated(NamedTuple):
     normal: Normal
     precisions: dict[float, np.ndarray]  # of errors in scales, by factor of `REGULAR`
     prior: np.ndarray  # standard deviations of the effects before the logs, in units [n]
-    everyday: np.ndarray  # [n]
+    least_deviations: np.ndarray  # [n]
     fitted: np.ndarray  # [n] bool
     baseline: dict[float, Seen]
 
@@ -66,7 +66,7 @@ class KeptWorld(NamedTuple):
     units: np.ndarray  # [n]
     vehicle: VehicleParameters
     prior: np.ndarray  # [n]
-    everyday: np.ndarray  # [n]
+    least_deviations: np.ndarray  # [n]
     fitted: np.ndarray  # [n] bool
     baseline: dict[float, Seen]
     days: list[KeptDay]
@@ -90,7 +90,7 @@ def calibrated(world: Path, folder: str) -> Calibrated:
             read_case(world / folder), vehicle, effects, world.name, criterion="prediction", force=True,
             tolerances=stated_tolerances(world / "start.yaml"), kind="single-track",
         )  # fmt: skip
-    day, _, _, prior, everyday, left = given[-1]  # a second fit is the one that counts
+    day, _, _, prior, least_deviations, left = given[-1]  # a second fit is the one that counts
     normal = found.calibration.normal
     assert normal is not None
     f = flat_scores(day.errors, normal.scales)
@@ -98,7 +98,9 @@ def calibrated(world: Path, folder: str) -> Calibrated:
     precisions = {q: np.linalg.inv(covariance + q * REGULAR * np.eye(len(covariance))) for q in REGULARS}
     fitted = left > np.sqrt(LEFT_OF_FITTED * LEFT_OF_OTHERS) * prior
     seen = {q: seen_of(day, normal.scales, precision) for q, precision in precisions.items()}
-    return Calibrated(single_track_of(found.vehicle), found.effects, normal, precisions, prior, everyday, fitted, seen)
+    return Calibrated(
+        single_track_of(found.vehicle), found.effects, normal, precisions, prior, least_deviations, fitted, seen
+    )
 
 
 def day_of(case: Path, car: Calibrated) -> dict[float, Stretches]:
@@ -134,7 +136,9 @@ def kept_world(world: Path, baseline: str, folder: Path) -> KeptWorld:
         truth = UNKNOWN if strange else "+".join(sorted(labels[code]["effects"])) or NONE
         days.append(KeptDay(code, truth, strange, stretches))
     normal = car.normal
-    return KeptWorld(normal.names, normal.units, car.vehicle, car.prior, car.everyday, car.fitted, car.baseline, days)
+    return KeptWorld(
+        normal.names, normal.units, car.vehicle, car.prior, car.least_deviations, car.fitted, car.baseline, days
+    )
 
 
 def _kept(path: Path, make: Any) -> Any:

@@ -1,16 +1,20 @@
-"""Pictures of the documentation that explain; a module a picture, each drawn for a narrow screen."""
+"""Pictures of the documentation that explain; a module a picture, each made for a narrow screen."""
 
 from typing import Literal
 
 Name = Literal[
     "car_frames",
+    "demo",
     "diagnosis",
     "drive_time_series",
     "effects_map",
+    "figure_8",
     "gap",
     "layers",
     "loop",
     "predictions",
+    "replay",
+    "report",
     "safe_stop",
     "two_criteria",
 ]

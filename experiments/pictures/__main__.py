@@ -1,8 +1,9 @@
-"""Draws a picture of the documentation.
+"""Makes a picture of the documentation.
 
     python -m experiments.pictures effects_map --out docs/effects_map.png
 
-Each takes some seconds, and the first one of a machine the compilation too.
+Each takes some seconds, and the first one of a machine the compilation too; demo, replay and report, which a headless
+Chromium photographs, a minute or two; figure_8 hours.
 """
 
 import dataclasses
@@ -12,30 +13,43 @@ from pathlib import Path
 import tyro
 
 from diagrams.command import run_command
+from drift_drake.common.errors import InvalidOptionError
 from experiments.pictures import Name
+
+SOURCED = ("demo", "figure_8")
 
 
 @dataclasses.dataclass(frozen=True)
 class PicturesConfig:
-    """What is drawn."""
+    """What is made."""
 
     name: tyro.conf.Positional[Name]
     """Of the picture: of a module of this folder."""
     out: Path | None = None
     """PNG or SVG (diagnosis: GIF, with a still next to it); docs/NAME.png without."""
+    source: Path | None = None
+    """demo, figure_8: folder of runs that the picture is of; they are made without."""
 
 
 def main(config: PicturesConfig) -> None:
-    """Draws it."""
+    """Makes it.
+
+    Raises:
+        InvalidOptionError: a source of a picture that has none.
+    """
+    if config.source and config.name not in SOURCED:
+        raise InvalidOptionError(f"--source: {config.name} is of no folder; leave it out")
     module = importlib.import_module(f"experiments.pictures.{config.name}")
-    ending = "gif" if hasattr(module, "animate") else "png"
-    out = config.out or Path("docs") / f"{config.name}.{ending}"
-    if ending == "gif":
+    source = [config.source] if config.source else []
+    out = config.out or Path("docs") / f"{config.name}.{'gif' if hasattr(module, 'animate') else 'png'}"
+    if hasattr(module, "animate"):
         module.animate(out)
+    elif hasattr(module, "take"):
+        module.take(out, *source)
     else:
         from drift_drake.view.style import save
 
-        save(module.draw(), out)
+        save(module.draw(*source), out)
     print(out)
 
 

@@ -51,9 +51,9 @@ def parameter_table(found: dict[str, Any]) -> str:
 
 def worth(found: dict[str, Any]) -> str:
     """What one row of this car's logs is worth."""
-    everyday = found["everyday"]
-    with_forces = f", {everyday['row_weight']:.2g} with the model discrepancy" if everyday else ""
-    return f"a row is worth {found['row_weight']:.2g}{with_forces}"
+    discrepancy = found["discrepancy"]
+    with_forces = f", {discrepancy['tempering']:.2g} with the model discrepancy" if discrepancy else ""
+    return f"a row is worth {found['tempering']:.2g}{with_forces}"
 
 
 def error_table(found: dict[str, Any]) -> str:
@@ -101,7 +101,7 @@ def main(config: Config) -> None:
             parts += [f"## {title}", parameter_table(found), held, noise]
     asked = {name: found for name in ASKED if (found := read(config.out, name)) is not None}
     for name, found in asked.items():
-        warnings = [warning for warning in found["answer"]["warnings"] if "everyday" in warning]
+        warnings = [warning for warning in found["answer"]["warnings"] if "discrepancy" in warning]
         seconds = f"The diagnosis took {found['diagnosis_seconds_of_cpu']:.0f} s of CPU."
         parts += [f"## {ASKED[name]}", found["sentence"], *warnings, seconds, error_table(found)]
     write_text(config.out / "numbers.md", "\n\n".join(parts) + "\n")

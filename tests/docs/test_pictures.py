@@ -1,4 +1,4 @@
-"""Pictures of the pages: each has an alt text that says what it shows, and is small enough for a phone's connection."""
+"""Pictures of the pages: each has an alt text, a caption with its command, and few bytes for a phone's connection."""
 
 import re
 from pathlib import Path
@@ -8,6 +8,8 @@ import pytest
 ROOT = Path(__file__).parents[2]
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
 SHOWN = re.compile(r"!\[([^]]*)\]\(([^)\s]+)|<img\b([^>]*)>")
+CAPTION = re.compile(r"\)?\n\n?\*(?!\*)((?:[^\n]|\n(?!\n))+?)\*\n")
+COMMAND = re.compile(r"`(?:python -m (?:experiments|diagrams)\.|make )[^`]+`", re.DOTALL)
 LEAST, LARGEST = 20, 1.5e6  # letters, bytes
 
 
@@ -25,6 +27,15 @@ def test_each_picture_has_an_alt_text_and_is_small(page: Path) -> None:
     for alt, file in pictures(page.read_text(encoding="utf-8")):
         assert len(alt) >= LEAST, f"{file}: say in its alt text what it shows"
         assert (page.parent / file).stat().st_size <= LARGEST, file
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
+def test_each_picture_has_a_caption_with_the_command_that_makes_it(page: Path) -> None:
+    text = page.read_text(encoding="utf-8")
+    for found in SHOWN.finditer(text):
+        caption = CAPTION.match(text, found.end())
+        assert caption, f"{found.group()}: no caption below it"
+        assert COMMAND.search(caption[1]), f"{found.group()}: its caption names no command"
 
 
 def test_pictures_are_found_in_either_form() -> None:

@@ -157,5 +157,5 @@ class Car:
 
     def __init__(self, world):
         self.normal = world  # names and units
-        self.vehicle, self.prior, self.everyday = world.vehicle, world.prior, world.everyday
+        self.vehicle, self.prior, self.least_deviations = world.vehicle, world.prior, world.least_deviations
         self.fitted, self.baseline = world.fitted, world.baseline

@@ -242,7 +242,7 @@ def test_the_road_asks_once_and_opens_labels_last(tmp_path, monkeypatch):
 def test_worlds_of_other_makers_are_read(tmp_path):
     world = make_world(tmp_path / "world", ("aa", "bb", "cc", "day_one_4", "left"))
     labels = {
-        "aa": {"effects": {}, "strange": None, "everyday": {"mass_error": 0.01}, "drives": "other"},
+        "aa": {"effects": {}, "strange": None, "within_tolerances": {"mass_error": 0.01}, "drives": "other"},
         "bb": {"effects": {}, "strange": "gyro_drift", "strange_magnitude": 0.05, "drives": "same"},
         "cc": {"effects": {"mass_error": 0.1}, "strange": None, "drives": "same"},
     }
@@ -255,11 +255,11 @@ def test_worlds_of_other_makers_are_read(tmp_path):
     for code in road.days_of(world):
         (tmp_path / "run" / "world" / f"{code}.json").write_text(json.dumps(answer("none")))
     rows = road.rows_of("world", world, tmp_path / "run")
-    assert [(row.truth, row.everyday, row.drives) for row in rows] == [
+    assert [(row.truth, row.within_tolerances, row.drives) for row in rows] == [
         ("none", True, "other"), ("unknown", False, "same"), ("mass_error", False, "same"),
     ]  # fmt: skip
     s = all_scores(rows)
-    assert s["all"]["days with everyday variation alone: false alarms"]["count"] == 1
+    assert s["all"]["days with variation within tolerances alone: false alarms"]["count"] == 1
     assert list(s["by drives"]) == ["other", "same"]
 
 

@@ -46,11 +46,11 @@ ANSWER: dict[str, Any] = {
     "where": {"states": {}, "runs": {}, "regions": []}, "reduction": {"estimate": 0.9, "low": 0.8, "high": 1.0},
     "seconds": 1.0, "tolerances": dict.fromkeys(NUISANCES[:3], 0.5), "warnings": ["w"],
     "details": {
-        "row_weight": 1.0, "with": {"steering_offset": 0.01}, "at_least": ["steering_lag"], "familiar": 0.8,
+        "tempering": 1.0, "with": {"steering_offset": 0.01}, "at_least": ["steering_lag"], "familiar": 0.8,
         "provenance": {"folder": "/a", "version": "0"},
         "beliefs": {
             "noise": [0.01] * len(CHANNELS), "used": [True] * len(CHANNELS), "process": [0.1] * len(CHANNELS),
-            "row_weight": 1.0, "own": {"aero_drag": 1.0},
+            "tempering": 1.0, "own": {"aero_drag": 1.0},
             "hypotheses": {
                 name: {"probability": p, "theta": [0.0] * n, "root": np.eye(n).tolist()}
                 for name, p, n in (("none", 0.5, COUNT), ("steering_lag", 0.5, COUNT + 1))
@@ -69,9 +69,9 @@ UNKNOWN = ANSWER | {
                             "magnitudes": {"aero_drag": {"estimate": 1.0, "low": 0.9, "high": 1.1}}}},
 }  # fmt: skip
 CALIBRATION: dict[str, Any] = {
-    "trust": {"noise": 2.0, "process": 0.5}, "row_weight": 0.1,
-    "everyday": {
-        "forces": {name: [0.1] * FUNCTIONS for name in FORCE_CHANNELS}, "offsets": {"r": 0.5}, "row_weight": 0.3,
+    "trust": {"noise": 2.0, "process": 0.5}, "tempering": 0.1,
+    "discrepancy": {
+        "forces": {name: [0.1] * FUNCTIONS for name in FORCE_CHANNELS}, "offsets": {"r": 0.5}, "tempering": 0.3,
     },
 }  # fmt: skip
 NAMES = ("aero_drag", "steering_lag")
@@ -93,7 +93,7 @@ CALIBRATION_BY_PREDICTION: dict[str, Any] = {
         ratio=1.0,
         expected=np.zeros(SCORES),
         left_open=np.eye(SCORES),
-        everyday=np.ones(2),
+        least_deviations=np.ones(2),
         scale=1.0,
         slipping=-3.0,
         left_out=np.ones(3),
@@ -261,7 +261,7 @@ COMMANDS = {
     "export": ["PATH", "--format", "--out"],
     "effects": ["--vehicle", "--json"],
     "import": ["PATH", "--mapping", "--out", "--start", "--end", "--json"],
-    "diagnose": ["PATH", "--vehicle", "--json", "--report", "--process-scale", "--noise-scale", "--row-weight",
+    "diagnose": ["PATH", "--vehicle", "--json", "--report", "--process-scale", "--noise-scale", "--tempering",
                  "--calibration", "--workers", "--quiet", "--again"],
     "identify": ["PATH", "--vehicle", "--out", "--json", "--report", "--known", "--effects", "--quiet"],
     "plan-next": ["PATH", "--vehicle", "--out", "--v-start", "--v-end", "--half-width"],

@@ -113,8 +113,8 @@ class _Trial:
             for step in range(5):
                 on = min((row + step / 5) / 10.0, 1.0)
                 delta, torque = on * inputs.get("steering", 0.0), on * inputs.get("torque", 0.0)
-                push = (on * inputs.get(name, 0.0) for name in FORCES)
-                m, _ = motion_with_effects(*z[:4], 0.0, NO_INTERNAL_STATES, delta, torque, p, Effects(), *push)
+                wrench = (on * inputs.get(name, 0.0) for name in FORCES)
+                m, _ = motion_with_effects(*z[:4], 0.0, NO_INTERNAL_STATES, delta, torque, p, Effects(), *wrench)
                 z = z + h * np.array([m.r_dot, m.v_dot, m.beta_dot, m.omega_r_dot, z[0]])
             out.append(z)
         return np.array(out)

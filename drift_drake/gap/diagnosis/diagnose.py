@@ -23,7 +23,7 @@ GivenCalibration = str | Path | Calibration | Identification
 def diagnose(
     logs: Logs, vehicle: Vehicle, calibration: GivenCalibration | None = None, *, case: str | None = None,
     catalogue: Sequence[str] = tuple(CATALOGUE), without: Sequence[str] = (), every: int = 1,
-    process_scale: float = 1.0, noise_scale: float = 1.0, row_weight: float = 1.0,
+    process_scale: float = 1.0, noise_scale: float = 1.0, tempering: float = 1.0,
     false_alarms: float | None = None, most_seconds: float = MOST_SECONDS, workers: int = 2,
     progress: Progress | None = None,
 ) -> Diagnosis | ChangeDiagnosis:  # fmt: skip
@@ -39,7 +39,7 @@ def diagnose(
         calibration: what `identify` found of this car (its JSON's path, or the object), so that the baseline of the
             car is no gap; case: name in the answer; catalogue: names of the effects to consider;
         without: columns to leave out; every: rows of the logs that make one here;
-        process_scale, noise_scale: factors on process and sensor noise [1]; row_weight: what a row is worth, (0, 1];
+        process_scale, noise_scale: factors on process and sensor noise [1]; tempering: what a row is worth, (0, 1];
             these three are part of a calibration;
         false_alarms: relative to a calibration by prediction, how often a day without a change may be said to have a
             gap (0.001 to 0.2; 0.05 if it is not given);
@@ -58,7 +58,7 @@ def diagnose(
     check_options(catalogue, without, every, most_seconds, workers)
     options: dict[str, Any] = {
         "own": car.effects, "catalogue": tuple(catalogue), "most_seconds": most_seconds, "progress": progress,
-        **trust_options(calibration, process_scale, noise_scale, row_weight, false_alarms, catalogue),
+        **trust_options(calibration, process_scale, noise_scale, tempering, false_alarms, catalogue),
     }  # fmt: skip
     if isinstance(logs, str | Path):
         return answer_folder(logs, car.parameters, workers, without=tuple(without), every=every, **options)
@@ -71,7 +71,7 @@ def trust_options(
     calibration: GivenCalibration | None,
     process_scale: float = 1.0,
     noise_scale: float = 1.0,
-    row_weight: float = 1.0,
+    tempering: float = 1.0,
     false_alarms: float | None = None,
     catalogue: Sequence[str] = (),
 ) -> dict[str, Any]:
@@ -81,11 +81,11 @@ def trust_options(
         InvalidOptionError: both are given, or a factor is out of range;
         InvalidCalibrationError: the calibration cannot be used.
     """
-    check_trust(calibration, process_scale, noise_scale, row_weight, false_alarms)
+    check_trust(calibration, process_scale, noise_scale, tempering, false_alarms)
     if calibration is not None:
         trust = trust_given(calibration, catalogue)
     else:
-        trust = CarTrust(noise_scale, process_scale, row_weight, None)
+        trust = CarTrust(noise_scale, process_scale, tempering, None)
     if trust.normal is None and false_alarms is not None:
         raise InvalidOptionError(
             "--false-alarms is a rate relative to a --calibration by prediction; give one ('drift-drake identify "

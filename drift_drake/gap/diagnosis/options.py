@@ -41,7 +41,7 @@ LEAST_ALARMS, USUAL_ALARMS, MOST_ALARMS = 0.001, 0.05, 0.2  # rates of false ala
 
 
 def check_trust(
-    calibration: Any, process_scale: float, noise_scale: float, row_weight: float, false_alarms: float | None = None
+    calibration: Any, process_scale: float, noise_scale: float, tempering: float, false_alarms: float | None = None
 ) -> None:
     """Sees that the factors, or the calibration's path, can be used.
 
@@ -49,14 +49,14 @@ def check_trust(
         InvalidOptionError: both are given, a factor is out of range, or there is no such file.
     """
     if calibration is not None:
-        if (noise_scale, process_scale, row_weight) != (1.0, 1.0, 1.0):
+        if (noise_scale, process_scale, tempering) != (1.0, 1.0, 1.0):
             raise InvalidOptionError(
                 "--calibration has the scales and the likelihood tempering exponent; give it or them, not both"
             )
         if isinstance(calibration, str | Path):
             check_file(Path(calibration), InvalidOptionError, "write it with 'drift-drake identify --json'")
-    if not 0.0 < row_weight <= 1.0:
-        raise InvalidOptionError(f"--row-weight {row_weight:g}: give a number above 0, up to 1")
+    if not 0.0 < tempering <= 1.0:
+        raise InvalidOptionError(f"--tempering {tempering:g}: give a number above 0, up to 1")
     if not all(0.0 < factor <= LARGEST_SCALE for factor in (noise_scale, process_scale)):
         raise InvalidOptionError(f"--noise-scale and --process-scale are factors above 0, up to {LARGEST_SCALE:g}")
     if false_alarms is not None and not LEAST_ALARMS <= false_alarms <= MOST_ALARMS:

@@ -166,17 +166,17 @@ def predicted(stretches: Stretches, known: Known, model: Spread, scale: float = 
 def scatter_of(day: Day, normal: Normal) -> Scatter:
     """How this day's scores scatter if the car is the one of its baseline."""
     stretches = stretches_of(day, normal.scales, normal.precision, normal.slipping)
-    model = spread_of(normal, normal.names, normal.everyday, len(normal.of_kind))
+    model = spread_of(normal, normal.names, normal.least_deviations, len(normal.of_kind))
     return predicted(stretches, Known(normal.expected, normal.left_open), model, normal.scale)
 
 
-def spread_of(shown: "Seen | Normal", names: tuple[str, ...], everyday: np.ndarray, of_kind: int = 0) -> Spread:
+def spread_of(shown: "Seen | Normal", names: tuple[str, ...], least_deviations: np.ndarray, of_kind: int = 0) -> Spread:
     """How scores scatter, by what a baseline shows of the effects `names` and what varies by itself, in units [n].
 
     of_kind: scores of deviations of the car's kind, the last.
     """
     scores = len(shown.information)
-    recording = np.concatenate([everyday, np.zeros(scores - len(names))]) ** 2
+    recording = np.concatenate([least_deviations, np.zeros(scores - len(names))]) ** 2
     return Spread(shown.covariance, shown.information, shown.ratio, shown.blocks,
                   variances_of_stretches(names, scores, of_kind), recording)  # fmt: skip
 

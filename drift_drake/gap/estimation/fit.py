@@ -289,7 +289,7 @@ def conclude(problem: Problem, names: Sequence[str], at: Linearised) -> Fit:
     known = all(is_gap(name, float(q), problem.vehicle.tolerance) for name, q in magnitudes)
     if not known or not np.isfinite(log_evidence):  # within tolerance, or a filter that diverged
         log_evidence = -np.inf
-    mean_square = float(np.mean(e**2)) / problem.row_weight
+    mean_square = float(np.mean(e**2)) / problem.tempering
     return Fit(tuple(names), theta, at.cost, covariance, log_evidence, mean_square, at.iterations, problem.exactness)
 
 

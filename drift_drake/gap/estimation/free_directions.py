@@ -66,7 +66,7 @@ def free_columns(
         constants, own: the car that the errors `at` are of, the same shape.
     """
     out = {name: np.concatenate([of_run(run) * run.used for run in runs]) for name, of_run in OF_SENSORS.items()}
-    turned = [run_errors(run, constants, own, push=yaw_moment(run, constants)) for run in runs]
+    turned = [run_errors(run, constants, own, wrench=yaw_moment(run, constants)) for run in runs]
     return out | {"yaw moment": np.concatenate(turned) - at}
 
 

@@ -20,8 +20,8 @@ from drift_drake.gap.estimation.filter_state import CHANNELS
 from drift_drake.gap.estimation.fit import no_effects, prior_precision, run_sensitivity
 from drift_drake.gap.estimation.problem import (
     NO_STATE,
-    Everyday,
     Gains,
+    ModelDiscrepancy,
     Problem,
     car,
     counted,
@@ -177,26 +177,26 @@ def misfit(problem: Problem, fit: Fitted, kind: str = "pulses") -> Regression:
     )
 
 
-def applied(problem: Problem, everyday: Everyday) -> tuple[Problem, list[str]]:
+def applied(problem: Problem, discrepancy: ModelDiscrepancy) -> tuple[Problem, list[str]]:
     """The problem with a discrepancy's forces and the tempering exponent with them, and warnings.
 
     As it is, where they bring the car no nearer to these logs: functions of the state say nothing of states that the
     calibration never saw.
     """
-    taken_out = traced(problem.replace(everyday=everyday, row_weight=everyday.row_weight))
+    taken_out = traced(problem.replace(discrepancy=discrepancy, tempering=discrepancy.tempering))
     before, after = (nominal_mean_square(p) for p in (problem, taken_out))
     if after < before:
         return taken_out, []
     return problem, [
         f"the calibration's model-mismatch forces do not carry over to these logs (mean square innovation {after:.3g} "
-        f"with them, {before:.3g} without): they are left out, and a row is worth {problem.row_weight:.2g}"
+        f"with them, {before:.3g} without): they are left out, and a row is worth {problem.tempering:.2g}"
     ]
 
 
 def nominal_mean_square(problem: Problem) -> float:
     """Mean square innovation of the car as it is."""
     e = flat(problem, filter_case(problem, np.zeros(problem.nuisances), ()).innovations)
-    return float(np.mean(e**2)) / problem.row_weight
+    return float(np.mean(e**2)) / problem.tempering
 
 
 def traced(problem: Problem) -> Problem:
@@ -205,26 +205,26 @@ def traced(problem: Problem) -> Problem:
     To first order, they then are those of a car with these forces. The trace depends on the filter: whoever changes
     noise or process noise traces again. A problem without a discrepancy is left as it is.
     """
-    everyday = problem.everyday
-    if everyday is None:
+    discrepancy = problem.discrepancy
+    if discrepancy is None:
         return problem
     bare = [dataclasses.replace(run, trace=None) for run in problem.runs]
     problem = problem.replace(runs=bare)
     nominal = no_effects(problem)
     gains = filter_case(problem, nominal.theta, nominal.names)
-    weights = np.array([everyday.forces[channel] for channel in FORCE_CHANNELS])
+    weights = np.array([discrepancy.forces[channel] for channel in FORCE_CHANNELS])
     traces = []
     for i, run in enumerate(bare):
         states = filtered_states(problem, gains, nominal.theta, nominal.names, i)
         functions = state_functions(problem, nominal, states, i)
         forces = STEP * force_units(problem) * (functions @ weights.T)
         y = run.y.copy()
-        for name, offset in everyday.offsets.items():
+        for name, offset in discrepancy.offsets.items():
             channel = CHANNELS.index(name)
             y[:, channel] += STEP * offset * problem.noise[channel] * run.used[channel]
         moved = problem.replace(runs=[*bare[:i], dataclasses.replace(run, y=y), *bare[i + 1 :]])
         torque = forces[:, 3] / problem.nominal.gear_ratio
-        e = observe(moved, gains, nominal.theta, nominal.names, i, push=forces[:, :3].copy(), extra_torque=torque)
+        e = observe(moved, gains, nominal.theta, nominal.names, i, wrench=forces[:, :3].copy(), extra_torque=torque)
         traces.append((e - gains.innovations[i]) / STEP)
     runs = [dataclasses.replace(run, trace=trace) for run, trace in zip(bare, traces, strict=True)]
     return problem.replace(runs=runs)

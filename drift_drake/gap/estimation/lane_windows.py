@@ -112,7 +112,7 @@ def _errors(y: Any, end: Any, effects: Any, z: Any, lane: Any, out: Any) -> None
 @compiled
 def predict_in_lanes(
     start_y: Any, y: Any, starts: Any, stride_rows: Any, delta: Any, torque: Any, period: Any, constants: Any,
-    effects: Any, fed: Any, pushes: Any, size: Any, bounds: Any, out: Any,
+    effects: Any, fed: Any, wrenches: Any, size: Any, bounds: Any, out: Any,
 ) -> Any:  # fmt: skip
     """What `windows.predict_windows` writes, but for what is added for absent numbers.
 
@@ -121,7 +121,7 @@ def predict_in_lanes(
     """
     lead, each = int(np.ceil(LEAD / period)), (len(starts) + LANES - 1) // LANES
     z, carried, before = np.zeros(size * LANES), np.zeros(size * LANES), np.zeros(size * LANES)
-    k, w, push = np.zeros(size * LANES), np.zeros((2, size * LANES)), np.zeros(3 * LANES)
+    k, w, wrench = np.zeros(size * LANES), np.zeros((2, size * LANES)), np.zeros(3 * LANES)
     read, command, one = np.zeros(5 * LANES), np.zeros(2 * LANES), np.zeros(size)
     at, start, row = np.full(LANES, -lead - 1), np.zeros(LANES, np.int64), np.zeros(LANES, np.int64)
     anew = np.zeros(LANES, np.bool_)
@@ -150,10 +150,10 @@ def predict_in_lanes(
                     before[:] = carried
                     _gathered(start_y, row, 0.0, read)
                     _measured_state(read, effects, False, x)
-                if pushes.shape[0] == y.shape[0]:
-                    _gathered(pushes, row, 0.0, push)
+                if wrenches.shape[0] == y.shape[0]:
+                    _gathered(wrenches, row, 0.0, wrench)
                 steps = _steps(x, period, constants, effects, bounds, one)
-                _advance(x, row, period, steps, delta, torque, start_y, effects, fed, (constants, effects, push),
+                _advance(x, row, period, steps, delta, torque, start_y, effects, fed, (constants, effects, wrench),
                          (k, w, read, command))  # fmt: skip
                 for lane in range(LANES if part == 0 else 0):
                     if at[lane] < start[lane]:

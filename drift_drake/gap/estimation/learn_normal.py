@@ -65,7 +65,7 @@ def learn_normal(
         stride=day.runs[0].stride, units=steps, scales=scales, precision=precision,
         standard=day.standard, slipping=seen.slipping, blocks=seen.blocks,
         covariance=seen.covariance, information=seen.information, ratio=seen.ratio, expected=known.mean,
-        left_open=known.covariance, everyday=between, scale=scale_of(distances), left_out=distances,
+        left_open=known.covariance, least_deviations=between, scale=scale_of(distances), left_out=distances,
         left_out_none=np.ones(len(distances)), covered=drive_coverage(day.runs), unknown=unknown, recording=recording,
         offset=offset, level=capped_squares((day.errors - offset) / scales).mean(axis=0),
         noise=log_levels(day.runs, white=True),

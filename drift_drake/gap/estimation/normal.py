@@ -43,7 +43,7 @@ class Normal:
     ratio: float  # of that scatter to the one that the information tells of
     expected: np.ndarray  # what the car always deviates by, as far as its baseline tells [m]
     left_open: np.ndarray  # covariance of that [m, m]
-    everyday: (
+    least_deviations: (
         np.ndarray
     )  # standard deviations of the effects from recording to recording, whatever was seen, in units [n]
     scale: float  # of the scatter of another recording's scores, learnt from recordings left out
@@ -102,7 +102,7 @@ def _check_normal(normal: Normal) -> None:
     shapes |= {
         "units": (n,),
         "kind_units": (len(normal.of_kind),),
-        "everyday": (n,),
+        "least_deviations": (n,),
         "standard": (2, len(DRIVING)),
         "left_out": (recordings,),
         "left_out_none": (recordings,),

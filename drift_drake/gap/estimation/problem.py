@@ -16,7 +16,7 @@ from drift_drake.car.effects.catalogue import CATALOGUE
 from drift_drake.car.effects.magnitudes import Effects, combined
 from drift_drake.car.log.table import Run
 from drift_drake.car.parameters import RELATIVE, Constants, VehicleParameters
-from drift_drake.car.road import NO_PUSH, on_road, with_bank
+from drift_drake.car.road import NO_WRENCH, on_road, with_bank
 from drift_drake.gap.estimation.filter import filter_run, observe_run
 from drift_drake.gap.estimation.filter_state import CHANNELS, CORRECTED, FILTER_STATES, MEASURED, SIZE
 from drift_drake.gap.estimation.prior import bounds, scale
@@ -61,12 +61,12 @@ NO_STATE = np.empty(0)
 
 
 @dataclasses.dataclass(frozen=True)
-class Everyday:
+class ModelDiscrepancy:
     """The model discrepancy of a calibrated car, as `identify` learns it (`freeform.applied`)."""
 
     forces: Mapping[str, Sequence[float]]  # by channel, weights of `freeform.state_functions` in `freeform.FORCE_UNIT`
     offsets: Mapping[str, float]  # of sensors, in noise levels
-    row_weight: float  # likelihood tempering exponent with them
+    tempering: float  # likelihood tempering exponent with them
 
 
 @dataclasses.dataclass(frozen=True)
@@ -105,9 +105,9 @@ class Problem:
     exactness: float = 1.0  # the vehicle's deviations are believed to be this small, in tolerances
     own: Effects = dataclasses.field(default_factory=Effects)  # that the vehicle file has; a hypothesis adds to them
     ranges: Mapping[str, tuple[float, float]] = dataclasses.field(default_factory=dict)  # in place of `prior.bounds`
-    everyday: Everyday | None = None  # whose trace the runs hold
+    discrepancy: ModelDiscrepancy | None = None  # whose trace the runs hold
     step: float = NUISANCE_STEP  # for differences
-    row_weight: float = 1.0  # power that the likelihood of the logs is raised to; the priors count in full
+    tempering: float = 1.0  # power that the likelihood of the logs is raised to; the priors count in full
 
     def replace(self, **changes: object) -> "Problem":
         return dataclasses.replace(self, **changes)  # type: ignore[arg-type]
@@ -144,13 +144,13 @@ def make_problem(
     noise_scale: float = 1.0,
     stated: Mapping[str, float] | None = None,
     own: Effects = Effects(),
-    row_weight: float = 1.0,
+    tempering: float = 1.0,
 ) -> Problem:
     """Runs and vehicle as the estimator wants them; noise levels are estimated here.
 
     `process_scale` multiplies the process noise: above one for cars that no single-track model follows closely.
     `noise_scale` multiplies the sensors' noise: above one where it is not white. `stated` are levels of channels that
-    are known otherwise (an import's); the larger of the two counts. `own` are effects of the vehicle file. `row_weight`
+    are known otherwise (an import's); the larger of the two counts. `own` are effects of the vehicle file. `tempering`
     is what one row is worth: below one where innovations hang together, as `identify` finds it.
     """
     data = [prepare_run(run) for run in runs]
@@ -162,7 +162,7 @@ def make_problem(
     noise = noise_scale * np.maximum(noise_levels(data), known)
     tolerance = tolerance_deviations(vehicle)
     problem = Problem(data, vehicle, vehicle.constants(), tolerance, noise, process, rim_fed=fed, own=own,
-                      row_weight=row_weight)  # fmt: skip
+                      tempering=tempering)  # fmt: skip
     return problem.replace(runs=[started(problem, i, run) for i, run in enumerate(runs)])
 
 
@@ -248,18 +248,18 @@ def filter_case(problem: Problem, theta: np.ndarray, names: Sequence[str]) -> Ga
         gains.append(k)
         whitenings.append(w)
         innovations.append(e)
-    return Gains(gains, whitenings, Filtered(innovations, problem.row_weight * logdet))
+    return Gains(gains, whitenings, Filtered(innovations, problem.tempering * logdet))
 
 
 def observe(
     problem: Problem, gains: Gains, theta: np.ndarray, names: Sequence[str], index: int,
-    push: np.ndarray = NO_PUSH, extra_torque: np.ndarray | None = None, states: np.ndarray = NO_ROWS,
+    wrench: np.ndarray = NO_WRENCH, extra_torque: np.ndarray | None = None, states: np.ndarray = NO_ROWS,
     since: int = 0, known: np.ndarray = NO_STATE,
 ) -> np.ndarray:  # fmt: skip
     """Whitened innovations [rows, 9] of one run under frozen gains.
 
     Args:
-        push: further force and moment on the body [rows, 3]; extra_torque: on the engine [N m], one a row;
+        wrench: further force and moment on the body [rows, 3]; extra_torque: on the engine [N m], one a row;
         states: filled with the corrected states, if it has a row for each of the run's;
         since, known: row that it starts from, and the corrected state [SIZE] there; innovations are those from it on,
             the first zero.
@@ -274,7 +274,7 @@ def observe(
     e = np.empty((len(run.y) - since, MEASURED))
     observe_run(
         run.y[since:], max(first_row(run, names) - since, 0), run.used, delta[STAGES * since :],
-        torque[STAGES * since :], run.period, constants, dynamic, with_bank(push, banked)[since:],
+        torque[STAGES * since :], run.period, constants, dynamic, with_bank(wrench, banked)[since:],
         gains.gain[index][since:], gains.whitening[index][since:], e, states, known,
     )  # fmt: skip
     return e if run.trace is None else e + run.trace[since:]
@@ -294,7 +294,7 @@ def flat(problem: Problem, innovations: Sequence[np.ndarray]) -> np.ndarray:
 
 def counted(problem: Problem, run: RunData, innovations: np.ndarray) -> np.ndarray:
     """Rows and channels of one run's innovations [rows, 9, ...] that count, times the exponent's root."""
-    return np.asarray(np.sqrt(problem.row_weight) * innovations[run.counted][:, run.used])
+    return np.asarray(np.sqrt(problem.tempering) * innovations[run.counted][:, run.used])
 
 
 def observe_case(problem: Problem, gains: Gains, theta: np.ndarray, names: Sequence[str]) -> np.ndarray:

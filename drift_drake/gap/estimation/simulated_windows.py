@@ -35,12 +35,12 @@ class _Part(NamedTuple):
 
 def simulated_errors(
     runs: "Sequence[WindowedRun]", constants: SimulatorConstants, effects: Effects, horizons: int,
-    pushes: Sequence[Array],
+    wrenches: Sequence[Array],
 ) -> list[Array]:  # fmt: skip
     """Prediction errors [windows, horizons, 5] of each run; zero in channels that the simulator does not put out.
 
     Args:
-        pushes: of each run, further force (F_x, F_y) [N] and yaw moment [N m] on the body [rows, 3], none with zero
+        wrenches: of each run, further force (F_x, F_y) [N] and yaw moment [N m] on the body [rows, 3], none with zero
             rows.
 
     Raises:
@@ -49,13 +49,13 @@ def simulated_errors(
     simulator = constants.simulator
     constants, effects = folded_into(constants, effects)
     parts, jobs = [], []
-    for k, (run, push) in enumerate(zip(runs, pushes, strict=True)):
+    for k, (run, wrench) in enumerate(zip(runs, wrenches, strict=True)):
         if run.fed and "measured_speed" not in simulator.inputs:
             raise SimulatorError(
                 f"{run.name}: has no tau_cmd, and the simulator no input measured_speed that would stand for it; log "
                 "the torque, or give the simulator such an input"
             )
-        for part, job in _asked(k, run, constants, effects, horizons, push):
+        for part, job in _asked(k, run, constants, effects, horizons, wrench):
             parts.append(part)
             jobs.append(job)
     out = [np.zeros((len(run.starts), horizons, len(CHANNELS))) for run in runs]
@@ -83,12 +83,12 @@ def _started(simulator: Simulator, measured: Array, motion: Array) -> Array:
 
 
 def _asked(
-    index: int, run: "WindowedRun", constants: SimulatorConstants, effects: Effects, horizons: int, push: Array
+    index: int, run: "WindowedRun", constants: SimulatorConstants, effects: Effects, horizons: int, wrench: Array
 ) -> list[tuple[_Part, Job]]:
     """The roll-outs of one run, by the length of their lead-in (early windows have less of it)."""
     reading = run.read_with(effects)
     motion = np.stack([*unbiased(*(run.start_y[:, i] for i in range(4)), reading), run.start_y[:, 4]], axis=-1)
-    signals = inputs_along((run.delta, run.tau), motion, run.period, constants, effects, run.bank, push)
+    signals = inputs_along((run.delta, run.tau), motion, run.period, constants, effects, run.bank, wrench)
     leads = np.minimum(run.starts, round(constants.simulator.lead_in / run.period))
     out = []
     for lead in np.unique(leads):

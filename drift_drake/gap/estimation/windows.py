@@ -24,7 +24,7 @@ from drift_drake.car.foreign.simulator import SimulatorConstants
 from drift_drake.car.integrate import runge_kutta
 from drift_drake.car.log.table import Run
 from drift_drake.car.parameters import VehicleParameters
-from drift_drake.car.road import NO_PUSH, on_road, with_bank
+from drift_drake.car.road import NO_WRENCH, on_road, with_bank
 from drift_drake.car.scalar import jitable
 from drift_drake.gap.estimation.filter_state import CHANNELS, MIN_FILTER_SPEED, commanded
 from drift_drake.gap.estimation.lane_windows import predict_in_lanes
@@ -128,7 +128,7 @@ def windowed(run: Run, left_out: np.ndarray | None = None, stride: float = STRID
 
 @jitable
 def _advance(z: Any, delta: Any, torque: Any, row: Any, period: Any, constants: Any, effects: Any, fed: Any,
-             fed_from: Any, fed_to: Any, push: Any, k: Any, w: Any) -> Any:  # fmt: skip
+             fed_from: Any, fed_to: Any, wrench: Any, k: Any, w: Any) -> Any:  # fmt: skip
     """One row of Runge-Kutta steps, in place; with `fed`, speeds (of car and rim [2]) are those of the measurement."""
     by_time = int(np.ceil(period / STEP - 1e-9))
     steps = min(max(by_time, int(period * fastest(z, constants, effects) / STEPS_PER_RATE) + 1), MOST_STEPS)
@@ -141,7 +141,7 @@ def _advance(z: Any, delta: Any, torque: Any, row: Any, period: Any, constants: 
             z[1] = fed_from[0] + share * (fed_to[0] - fed_from[0])
             z[3] = fed_from[1] + share * (fed_to[1] - fed_from[1])
         runge_kutta(rates, z, commanded(delta, torque, at), commanded(delta, torque, 0.5 * (at + end)),
-                    commanded(delta, torque, end), h, (constants, effects, push), k, w)  # fmt: skip
+                    commanded(delta, torque, end), h, (constants, effects, wrench), k, w)  # fmt: skip
         z[1] = max(z[1], MIN_FILTER_SPEED)
         z[3] = max(z[3], 0.0)
 
@@ -164,19 +164,19 @@ def _measured_speeds(y: Any, effects: Any) -> Any:
 @compiled
 def predict_windows(
     start_y: Any, y: Any, starts: Any, stride_rows: Any, delta: Any, torque: Any, period: Any, constants: Any,
-    effects: Any, fed: Any, pushes: Any, size: Any, stepped: Any, out: Any,
+    effects: Any, fed: Any, wrenches: Any, size: Any, stepped: Any, out: Any,
 ) -> Any:  # fmt: skip
     """Prediction errors out [windows, horizons, 5], measured less predicted, of the windows of one run.
 
     Args:
         start_y, y: smoothed and raw measurements [rows, 5]; starts: rows [windows], ascending; stride_rows: between
             horizons; delta, torque: on the stages' grid (`filter_state.actuated`); constants: of any car
-            (`car.equations`); effects: without those of actuators; pushes: further force and moment on the body
+            (`car.equations`); effects: without those of actuators; wrenches: further force and moment on the body
             [rows, 3] (`road.on_road`), none with zero rows; size: states of the car; stepped: its internal states
             follow the measured motion by the steps of a prediction, row by row from what is measured.
     """
-    pushed = pushes.shape[0] == y.shape[0]
-    z, carried, k, w, push = np.zeros(size), np.zeros(size), np.zeros(size), np.zeros((2, size)), np.zeros(3)
+    has_wrench = wrenches.shape[0] == y.shape[0]
+    z, carried, k, w, wrench = np.zeros(size), np.zeros(size), np.zeros(size), np.zeros((2, size)), np.zeros(3)
     decay = np.zeros(size)
     _measured_state(start_y[0], effects, carried)
     settle(carried, delta[0], torque[0], constants, effects)
@@ -185,18 +185,18 @@ def predict_windows(
         start = starts[s]
         # Internal states follow the measured motion up to this start.
         while at_row < start:
-            if pushed:
-                push[:] = pushes[at_row]
+            if has_wrench:
+                wrench[:] = wrenches[at_row]
             if stepped:
                 _measured_state(start_y[at_row], effects, carried)
                 _advance(carried, delta, torque, at_row, period, constants, effects, fed,
                          _measured_speeds(start_y[at_row], effects), _measured_speeds(start_y[at_row + 1], effects),
-                         push, k, w)  # fmt: skip
+                         wrench, k, w)  # fmt: skip
             for step in range(0 if stepped else follow):
                 share = (step + 0.5) / follow
                 at = STAGES * (at_row + share)
                 _measured_state(start_y[at_row] + share * (start_y[at_row + 1] - start_y[at_row]), effects, carried)
-                rates(carried, commanded(delta, torque, at), (constants, effects, push), k)
+                rates(carried, commanded(delta, torque, at), (constants, effects, wrench), k)
                 decays(carried, constants, effects, decay)
                 h = period / follow
                 for i in range(5, size):
@@ -206,11 +206,11 @@ def predict_windows(
         _measured_state(start_y[start], effects, z)
         for h in range(out.shape[1]):
             for row in range(start + h * stride_rows, start + (h + 1) * stride_rows):
-                if pushed:
-                    push[:] = pushes[row]
+                if has_wrench:
+                    wrench[:] = wrenches[row]
                 _advance(z, delta, torque, row, period, constants, effects, fed,
                          _measured_speeds(start_y[row], effects), _measured_speeds(start_y[row + 1], effects),
-                         push, k, w)  # fmt: skip
+                         wrench, k, w)  # fmt: skip
             end = start + (h + 1) * stride_rows
             r, v, beta, omega_r = unbiased(y[end, 0], y[end, 1], y[end, 2], y[end, 3], effects)
             out[s, h, 0], out[s, h, 1] = r - z[0], v - z[1]
@@ -222,22 +222,26 @@ def predict_windows(
 
 
 def run_errors(
-    run: WindowedRun, constants: CarConstants, effects: Effects, horizons: int = HORIZONS, push: np.ndarray = NO_PUSH
+    run: WindowedRun,
+    constants: CarConstants,
+    effects: Effects,
+    horizons: int = HORIZONS,
+    wrench: np.ndarray = NO_WRENCH,
 ) -> np.ndarray:
     """Prediction errors [windows, horizons, 5] of one run under a car; zero where a channel is not measured.
 
     Args:
-        push: further force (F_x, F_y) [N] and yaw moment [N m] on the body [rows, 3]; none with zero rows.
+        wrench: further force (F_x, F_y) [N] and yaw moment [N m] on the body [rows, 3]; none with zero rows.
     """
     if isinstance(constants, SimulatorConstants):
-        return simulated_errors([run], constants, effects, horizons, [push])[0]
+        return simulated_errors([run], constants, effects, horizons, [wrench])[0]
     before = (float(run.delta[0]), float(run.tau[0]))
     delta, torque = actuated(run.delta, run.tau, before, run.period, effects)
     out = np.empty((len(run.starts), horizons, len(PREDICTED)))
     dynamic, banked = on_road(run.bank, constants.mass, constants.gravity, without_actuators(effects))
     stepped = kind_of(constants).STEPPED
     arguments = (run.start_y, run.y, run.starts, run.stride_rows, delta, torque, run.period, constants,
-                 run.read_with(dynamic), run.fed, with_bank(push, banked), size_of(constants))  # fmt: skip
+                 run.read_with(dynamic), run.fed, with_bank(wrench, banked), size_of(constants))  # fmt: skip
     if stepped and not installed_effects() and len(run.starts):
         predict_in_lanes(*arguments, (STEP, STEPS_PER_RATE, MOST_STEPS), out)
         out[~(np.abs(out) < LARGEST_ERROR)] = LARGEST_ERROR
@@ -252,7 +256,7 @@ def errors(
 ) -> np.ndarray:
     """Prediction errors [windows of all runs, horizons, 5] under a car, at the first horizons."""
     if isinstance(constants, SimulatorConstants):
-        return np.concatenate(simulated_errors(runs, constants, effects, horizons, [NO_PUSH] * len(runs)))
+        return np.concatenate(simulated_errors(runs, constants, effects, horizons, [NO_WRENCH] * len(runs)))
     return np.concatenate([run_errors(run, constants, effects, horizons) for run in runs])
 
 

@@ -99,7 +99,7 @@ def stated_in_full(
     """
     parameters, correlation, covariance = summarise(kept, vehicle, effects, known)
     check_peak(case, covariance)
-    row_weight, everyday = model_discrepancy(kept)
+    tempering, discrepancy = model_discrepancy(kept)
     new_vehicle, new_effects = calibrated_vehicle(
         kept.problem, vehicle, kept.theta, kept.names, {name: p.deviation for name, p in parameters.items()}
     )
@@ -117,8 +117,8 @@ def stated_in_full(
         left_out=list(dropped),
         held_out=held,
         trust=kept.trust,
-        row_weight=row_weight,
-        everyday=everyday,
+        tempering=tempering,
+        discrepancy=discrepancy,
         seconds=0.0,
         warnings=[
             *end_warnings(kept, parameters), *stretched(parameters), *agreement.sentences(disagreed, {}),

@@ -15,7 +15,7 @@ from drift_drake.common.plain_files import named_number, read_json
 from drift_drake.gap.estimation.filter_state import CHANNELS
 from drift_drake.gap.estimation.freeform import FORCE_CHANNELS, FUNCTIONS
 from drift_drake.gap.estimation.normal import Normal, normal_from_data
-from drift_drake.gap.estimation.problem import Everyday
+from drift_drake.gap.estimation.problem import ModelDiscrepancy
 from drift_drake.gap.identification.driving import Driving
 from drift_drake.gap.identification.estimate import Trust
 from drift_drake.gap.identification.held_out import HeldOut
@@ -73,8 +73,8 @@ class Calibration:
     left_out: list[str]  # effects that cannot be distinguished from zero, and that the vehicle file therefore lacks
     held_out: HeldOut
     trust: Trust  # for `drift-drake diagnose --noise-scale --process-scale` on this car's logs
-    row_weight: float  # and for `--row-weight`: what one row is worth, in (0, 1]
-    everyday: Everyday | None  # and what `--calibration` takes out before, where that raises the exponent
+    tempering: float  # and for `--tempering`: what one row is worth, in (0, 1]
+    discrepancy: ModelDiscrepancy | None  # and what `--calibration` takes out before, where that raises the exponent
     seconds: float
     warnings: list[str]
     criterion: str = "likelihood"  # or "prediction"
@@ -170,8 +170,8 @@ class CarTrust:
 
     noise_scale: float
     process_scale: float
-    row_weight: float
-    everyday: Everyday | None
+    tempering: float
+    discrepancy: ModelDiscrepancy | None
     normal: Normal | None = None  # of a car calibrated by prediction, in place of the others
     catalogue: tuple[str, ...] = ()  # effects that there were when `normal` was learnt
 
@@ -206,7 +206,9 @@ def read_trust(path: str | Path) -> CarTrust:
     try:
         return trust_of(data)
     except (KeyError, TypeError, AttributeError):
-        raise InvalidCalibrationError(f"{path}: no trust, row_weight and everyday of a calibration; {remedy}") from None
+        raise InvalidCalibrationError(
+            f"{path}: no trust, tempering and discrepancy of a calibration; {remedy}"
+        ) from None
     except ValueError as error:
         raise InvalidCalibrationError(f"{path}: {error}; {remedy}") from None
 
@@ -217,27 +219,27 @@ def trust_of(data: Any) -> CarTrust:
         normal = normal_from_data(data["normal"])
         known = data.get("catalogue") or normal.names
         return CarTrust(1.0, 1.0, 1.0, None, normal, tuple(str(name) for name in known))
-    everyday = data["everyday"]
+    discrepancy = data["discrepancy"]
     return CarTrust(
         _within("trust.noise", data["trust"]["noise"], LARGEST_SCALE),
         _within("trust.process", data["trust"]["process"], LARGEST_SCALE),
-        _within("row_weight", data["row_weight"], 1.0),
-        None if everyday is None else _discrepancy(everyday),
+        _within("tempering", data["tempering"], 1.0),
+        None if discrepancy is None else _discrepancy(discrepancy),
     )
 
 
-def _discrepancy(data: Mapping[str, Any]) -> Everyday:
+def _discrepancy(data: Mapping[str, Any]) -> ModelDiscrepancy:
     forces = {
-        name: [named_number(f"everyday.forces.{name}", q) for q in data["forces"][name]] for name in FORCE_CHANNELS
+        name: [named_number(f"discrepancy.forces.{name}", q) for q in data["forces"][name]] for name in FORCE_CHANNELS
     }
     for name, weights in forces.items():
         if len(weights) != FUNCTIONS:
-            raise ValueError(f"everyday.forces has {len(weights)} weights for {name}, expected {FUNCTIONS}")
-    offsets = {str(name): named_number(f"everyday.offsets.{name}", q) for name, q in data["offsets"].items()}
+            raise ValueError(f"discrepancy.forces has {len(weights)} weights for {name}, expected {FUNCTIONS}")
+    offsets = {str(name): named_number(f"discrepancy.offsets.{name}", q) for name, q in data["offsets"].items()}
     unknown = sorted(set(offsets) - set(CHANNELS)) + sorted(set(data["forces"]) - set(FORCE_CHANNELS))
     if unknown:
-        raise ValueError(f"everyday names '{unknown[0][:60]}', which is no channel")
-    return Everyday(forces, offsets, _within("everyday.row_weight", data["row_weight"], 1.0))
+        raise ValueError(f"discrepancy names '{unknown[0][:60]}', which is no channel")
+    return ModelDiscrepancy(forces, offsets, _within("discrepancy.tempering", data["tempering"], 1.0))
 
 
 def _within(name: str, value: Any, high: float) -> float:

@@ -189,7 +189,7 @@ def white_or_none(runs: Sequence[Run], asked: Asked, tell: Progress) -> Identifi
         found = by_likelihood(runs, asked, tell)
     except InvalidLogError:
         return None
-    return found if found.calibration.row_weight >= WHITE else None
+    return found if found.calibration.tempering >= WHITE else None
 
 
 def by_likelihood(runs: Sequence[Run], asked: Asked, tell: Progress) -> Identification:

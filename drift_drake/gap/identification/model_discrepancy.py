@@ -21,7 +21,7 @@ import numpy as np
 from drift_drake.gap.estimation.filter_state import CHANNELS
 from drift_drake.gap.estimation.fit import Derivatives, prior_precision
 from drift_drake.gap.estimation.freeform import FORCE_CHANNELS, responses
-from drift_drake.gap.estimation.problem import Everyday
+from drift_drake.gap.estimation.problem import ModelDiscrepancy
 from drift_drake.gap.estimation.reduction import FOLDS, measured_fold, with_folds
 from drift_drake.gap.estimation.regression import (
     SENSORS,
@@ -97,14 +97,14 @@ class Looks:
     squared_influence: np.ndarray  # [block lengths, parameters]
 
 
-def model_discrepancy(found: Estimate) -> tuple[float, Everyday | None]:
+def model_discrepancy(found: Estimate) -> tuple[float, ModelDiscrepancy | None]:
     """The tempering exponent of the calibrated car as it is, and the forces that it lacks; None if of no use."""
     theta, prior = found.theta, prior_precision(found.problem, len(found.theta))
     looks = looked_at(found)
-    plain, whole = row_weight(found, looks), summed_equations(looks.by_fold)
+    plain, whole = tempering(found, looks), summed_equations(looks.by_fold)
     precision = 1.0 / regress(whole, theta, prior).scales[whole.channel_of] ** 2
     others = [summed_equations([part for i, part in enumerate(looks.by_fold) if i != fold]) for fold in range(FOLDS)]
-    corrected = row_weight(found, looked_at(found, [held(of, precision) for of in others]))
+    corrected = tempering(found, looked_at(found, [held(of, precision) for of in others]))
     return plain, as_discrepancy(
         found, held(whole, precision), whole.channel_of, corrected
     ) if corrected > plain else None
@@ -134,16 +134,16 @@ def held(of: Equations, precision: np.ndarray) -> np.ndarray:
     return -np.linalg.solve(weights.hessian + np.diag(precision), weights.gradient)
 
 
-def as_discrepancy(found: Estimate, weights: np.ndarray, channel_of: np.ndarray, row_weight: float) -> Everyday:
+def as_discrepancy(found: Estimate, weights: np.ndarray, channel_of: np.ndarray, tempering: float) -> ModelDiscrepancy:
     """The weights by name."""
     used = np.all([run.used for run in found.problem.runs], axis=0)
     names = [name for name, there in zip(CHANNELS, used, strict=True) if there]
     offsets = dict(zip(names, weights[channel_of == SENSORS].tolist(), strict=True))
     forces = {c: weights[channel_of == i].tolist() for i, c in enumerate(FORCE_CHANNELS)}
-    return Everyday(forces, offsets, row_weight)
+    return ModelDiscrepancy(forces, offsets, tempering)
 
 
-def row_weight(found: Estimate, looks: Looks) -> float:
+def tempering(found: Estimate, looks: Looks) -> float:
     """The power, in (0, 1], at which nothing scatters more than it should."""
     prior, by_function = prior_precision(found.problem, len(found.theta)), summed_equations(looks.by_fold)
     most = float(np.mean(deviation_factors(found.covariance, by_function.own, looks.squared_influence) ** 2))

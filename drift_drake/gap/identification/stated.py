@@ -42,7 +42,7 @@ def stated_in_full(found: PredictionFit, why: list[str], asked: Asked, rows: int
     calibration = Calibration(
         case=asked.case, parameters=parameters, correlation=correlation.tolist(),
         not_identified=directions(parameters, correlation), tied=tied(list(parameters), correlation),
-        left_out=list(found.left_out), held_out=found.held_out, trust=Trust(1.0, 1.0), row_weight=1.0, everyday=None,
+        left_out=list(found.left_out), held_out=found.held_out, trust=Trust(1.0, 1.0), tempering=1.0, discrepancy=None,
         seconds=0.0, warnings=[*why, *found.remarks, *worse_states(found.held_out), *beyond_stated(parameters, asked),
                                *left.sentences],
         criterion="prediction", normal=found.normal, disagreed=left.disagreed, outlook=found.outlook,

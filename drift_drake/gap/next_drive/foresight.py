@@ -10,7 +10,7 @@ from drift_drake.car.actuated import without_actuators
 from drift_drake.car.effects.catalogue import CATALOGUE
 from drift_drake.car.effects.magnitudes import measured
 from drift_drake.car.parameters import VehicleParameters
-from drift_drake.car.road import NO_PUSH
+from drift_drake.car.road import NO_WRENCH
 from drift_drake.car.single_track.motion_with_effects import settled_internal_states
 from drift_drake.common.errors import one_line
 from drift_drake.gap.diagnosis.answers.answer import Answer, InvalidAnswerError, UnplannableError
@@ -76,9 +76,9 @@ def _check(sensing: Sensing, beliefs: Sequence[Belief]) -> None:
     noise, process = sensing.noise[sensing.used], sensing.process
     if not (np.isfinite(noise) & (noise > 0.0)).all() or not (np.isfinite(process) & (process >= 0.0)).all():
         raise ValueError("noise must be above 0, process 0 or more")
-    weight = sensing.row_weight
+    weight = sensing.tempering
     if isinstance(weight, bool) or not isinstance(weight, (int, float)) or not 0.0 < weight <= 1.0:
-        raise ValueError("row_weight must be above 0, up to 1")
+        raise ValueError("tempering must be above 0, up to 1")
     if not np.isfinite(np.array(sensing.own, dtype=float)).all():
         raise ValueError("own holds no finite number")
     for belief in beliefs:
@@ -111,7 +111,7 @@ def problem_of(vehicle: VehicleParameters, sensing: Sensing, drive: Commands, y:
     run = RunData("planned", PERIOD, y, sensing.used, drive.delta, drive.tau, counted)
     return Problem(
         [run], vehicle, vehicle.constants(), tolerance_deviations(vehicle), sensing.noise, sensing.process,
-        own=sensing.own, row_weight=sensing.row_weight,
+        own=sensing.own, tempering=sensing.tempering,
     )  # fmt: skip
 
 
@@ -134,7 +134,7 @@ def readings(vehicle: VehicleParameters, sensing: Sensing, truth: Belief, drive:
     y[0, :4] = measured(*states[0, :4], effects)
     y[0, CHANNELS.index("psi")] = drive.heading
     after = np.empty((1, rows - 1, MEASURED))
-    roll_out(states, np.array([0]), np.arange(1, rows), delta, torque, PERIOD, constants, dynamic, NO_PUSH, after)
+    roll_out(states, np.array([0]), np.arange(1, rows), delta, torque, PERIOD, constants, dynamic, NO_WRENCH, after)
     y[1:] = after[0]
     return y
 

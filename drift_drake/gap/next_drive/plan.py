@@ -275,7 +275,7 @@ def stage_deviation(sensing: Sensing) -> np.ndarray:
     Both ends are known to the mean of half a stage's rows; the process wanders in between.
     """
     ends = 2.0 * sensing.noise[:4] ** 2 / (0.5 * ROWS)
-    variance = (ends + sensing.process[:4] * DT) / sensing.row_weight
+    variance = (ends + sensing.process[:4] * DT) / sensing.tempering
     return np.asarray(np.sqrt(np.where(sensing.used[:4], variance, 1e6)))
 
 

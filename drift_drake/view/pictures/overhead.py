@@ -177,19 +177,27 @@ class OverheadPanel(NamedTuple):
 
 @styled
 def overhead_panels(panels: Sequence[OverheadPanel], reference: Reference, parameters: VehicleParameters) -> Figure:
-    """Draws groups of runs from above.
+    """Draws groups of runs from above, two abreast where they are not too wide.
 
     Raises:
         ValueError: no panel.
     """
+    return plain_panels(panels, reference, parameters)
+
+
+def plain_panels(
+    panels: Sequence[OverheadPanel], reference: Reference, parameters: VehicleParameters, wide: float = 7.5,
+    most_abreast: int = 2,
+) -> Figure:  # fmt: skip
+    """The same in the settings of the caller, for a picture `wide` inches wide."""
     if not panels:
         raise ValueError("no runs to draw; give at least one group")
     shape = CarShape.of(parameters)
     low, high = extent({str(i): run for i, panel in enumerate(panels) for run in panel.runs}, reference, 2.0)
     width, height = high - low
-    columns = 1 if width > 2.5 * height else min(2, len(panels))
+    columns = 1 if width > 2.5 * height else min(most_abreast, len(panels))
     rows = math.ceil(len(panels) / columns)
-    figure = new_figure(7.5, 0.5 + rows * (0.25 + 7.2 / columns * height / width))
+    figure = new_figure(wide, 0.5 + rows * (0.25 + (wide - 0.3) / columns * height / width))
     grid = figure.subplots(rows, columns, squeeze=False, sharex=True, sharey=True)
     for axes, panel in zip(grid.ravel(), panels, strict=False):
         axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), title=panel.title, aspect="equal")
@@ -218,5 +226,5 @@ def overhead_panels(panels: Sequence[OverheadPanel], reference: Reference, param
         for outcome, marker in ENDS.items()
         if outcome in ended
     ]
-    figure.legend(handles=handles, loc="outside upper right", ncols=len(handles))
+    figure.legend(handles=handles, loc="outside upper right", ncols=len(handles) if most_abreast > 1 else 3)
     return figure

@@ -14,7 +14,7 @@ PARAMETERS = {
 CALLS = [0]
 
 
-def rates(z, steer, torque, push, p):
+def rates(z, steer, torque, wrench, p):
     """Rates of z [n, 5]: r, v_x, v_y, wheel speed, steering that follows the rack."""
     r, v_x, v_y, w, angle = z.T
     base, weight, roll = p["lf"] + p["lr"], p["m"] * 9.81, np.maximum(v_x, 1.0)
@@ -24,9 +24,9 @@ def rates(z, steer, torque, push, p):
     slip = np.hypot(slip_x, slip_y) + 1e-9
     force = rear * np.tanh(p["cr"] * slip / rear) / slip
     f_x, f_y = force * slip_x, force * slip_y
-    a_x = (f_x - f_front * np.sin(angle) + push[0]) / p["m"]
-    a_y = (f_y + f_front * np.cos(angle) + push[1]) / p["m"]
-    moment = p["lf"] * f_front * np.cos(angle) - p["lr"] * f_y + push[2]
+    a_x = (f_x - f_front * np.sin(angle) + wrench[0]) / p["m"]
+    a_y = (f_y + f_front * np.cos(angle) + wrench[1]) / p["m"]
+    moment = p["lf"] * f_front * np.cos(angle) - p["lr"] * f_y + wrench[2]
     return np.stack([moment / p["J"], a_x + r * v_y, a_y - r * v_x, (torque - 0.32 * f_x) / p["jw"],
                      (steer - angle) / p["soft"]], axis=-1)  # fmt: skip
 
@@ -34,8 +34,8 @@ def rates(z, steer, torque, push, p):
 def simulate(start, inputs, dt, parameters, steps=2, euler=False):
     """Roll-outs by Heun's method, or Euler's; r, vx, vy [SI], w [rad/s], psi [rad]."""
     z = np.stack([start["r"], start["vx"], start["vy"], start["w"], inputs["steer"][:, 0]], axis=-1)
-    pushed = [inputs.get(name, np.zeros_like(inputs["steer"])) for name in ("fx", "fy", "mz")]
-    columns, h, out = (inputs["steer"], inputs["torque"], *pushed), dt / steps, [z]
+    wrench = [inputs.get(name, np.zeros_like(inputs["steer"])) for name in ("fx", "fy", "mz")]
+    columns, h, out = (inputs["steer"], inputs["torque"], *wrench), dt / steps, [z]
     for row in range(inputs["steer"].shape[1] - 1):
         for step in range(steps):
             u, w = ([c[:, row] + share * (c[:, row + 1] - c[:, row]) for c in columns]

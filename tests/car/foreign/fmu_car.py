@@ -25,7 +25,7 @@ class FmuCar(Fmi2Slave):
         for name, value in (PARAMETERS | STARTS).items():
             setattr(self, name, value)
             self.register_variable(Real(name, causality=Fmi2Causality.parameter, variability=Fmi2Variability.tunable))
-        for name in ("steer", "torque", "push"):
+        for name in ("steer", "torque", "force"):
             setattr(self, name, 0.0)
             self.register_variable(Real(name, causality=Fmi2Causality.input))
         for name in ("vx", "vy", "r", "w", "psi"):
@@ -45,7 +45,7 @@ class FmuCar(Fmi2Slave):
         slip = hypot(slip_x, slip_y) + 1e-9
         force = rear * tanh(self.cr * slip / rear)
         fx, fy = force * slip_x / slip, force * slip_y / slip
-        ax = (fx - f_front * sin(self.steer) + self.push) / self.m
+        ax = (fx - f_front * sin(self.steer) + self.force) / self.m
         ay = (fy + f_front * cos(self.steer)) / self.m
         moment = self.lf * f_front * cos(self.steer) - self.lr * fy
         return ax + r * vy, ay - r * vx, moment / self.J, (self.torque - fx * self.radius) / self.jw

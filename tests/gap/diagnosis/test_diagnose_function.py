@@ -45,7 +45,7 @@ def asked(monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
 def calibrated() -> Identification:
     """A car calibrated by likelihood, of which nothing but its trust matters here."""
     nothing: dict[str, Any] = {field.name: None for field in dataclasses.fields(Calibration)}
-    return Identification(Calibration(**nothing | {"trust": Trust(1.5, 2.0), "row_weight": 0.25}), CAR, LAG, 100)
+    return Identification(Calibration(**nothing | {"trust": Trust(1.5, 2.0), "tempering": 0.25}), CAR, LAG, 100)
 
 
 def test_paths_and_objects_ask_the_same(run: Run, asked: dict[str, Any], tmp_path: Path) -> None:
@@ -58,19 +58,19 @@ def test_paths_and_objects_ask_the_same(run: Run, asked: dict[str, Any], tmp_pat
     assert by_path["logs"] == tmp_path / "monday"
     assert len(asked["logs"][0]) == 100
     assert asked["more"][0] == "monday"
-    for name in ("vehicle", "own", "catalogue", "most_seconds", "normal", "row_weight"):
+    for name in ("vehicle", "own", "catalogue", "most_seconds", "normal", "tempering"):
         assert asked[name] == by_path[name]
 
 
 def test_a_calibration_is_a_path_or_what_was_found(run: Run, asked: dict[str, Any], tmp_path: Path) -> None:
     found = calibrated()
     (tmp_path / "car.json").write_text(
-        json.dumps({"trust": {"noise": 1.5, "process": 2.0}, "row_weight": 0.25, "everyday": None})
+        json.dumps({"trust": {"noise": 1.5, "process": 2.0}, "tempering": 0.25, "discrepancy": None})
     )
     for calibration in (found, found.calibration, tmp_path / "car.json", str(tmp_path / "car.json")):
         asked.clear()
         drift_drake.diagnose(run, CAR, calibration=calibration)
-        assert (asked["noise_scale"], asked["process_scale"], asked["row_weight"]) == (1.5, 2.0, 0.25)
+        assert (asked["noise_scale"], asked["process_scale"], asked["tempering"]) == (1.5, 2.0, 0.25)
 
 
 @pytest.mark.parametrize(
@@ -78,8 +78,8 @@ def test_a_calibration_is_a_path_or_what_was_found(run: Run, asked: dict[str, An
     [
         ({"calibration": "nothing.json"}, "nothing.json"),
         ({"calibration": 3}, "int is none; give what 'identify' found, or its JSON's path"),
-        ({"calibration": "x.json", "row_weight": 0.5}, "has the scales and the likelihood tempering exponent"),
-        ({"row_weight": 2.0}, "give a number above 0, up to 1"),
+        ({"calibration": "x.json", "tempering": 0.5}, "has the scales and the likelihood tempering exponent"),
+        ({"tempering": 2.0}, "give a number above 0, up to 1"),
         ({"catalogue": ["wind"]}, "unknown effect wind"),
         ({"catalogue": []}, "no effect to consider"),
         ({"every": 0}, "give 1 or more"),

@@ -204,9 +204,9 @@ def test_a_yaw_inertia_is_never_known_better_than_the_equations_hold(other_car):
 def test_what_varies_from_recording_to_recording_is_no_gap_of_a_calibrated_car(other_car):
     normal = other_car.normal
     i = normal.names.index("sideslip_bias")
-    everyday = 0.5 * CATALOGUE["sideslip_bias"].least_for(other_car.guess) / normal.units[i]
-    assert normal.everyday[i] == pytest.approx(everyday)
-    assert normal.recording[i, i] >= everyday**2
+    least_deviations = 0.5 * CATALOGUE["sideslip_bias"].least_for(other_car.guess) / normal.units[i]
+    assert normal.least_deviations[i] == pytest.approx(least_deviations)
+    assert normal.recording[i, i] >= least_deviations**2
     assert np.all(np.diag(normal.unknown) >= np.diag(normal.recording) / len(other_car.runs) - 1e-12)
 
 
@@ -252,7 +252,7 @@ def test_blocks_scatter_more_where_tyres_slip_more_and_a_baseline_as_it_does_on_
     harder = some._replace(harder=4.0 * some.harder)
     known, model = (
         Known(np.zeros(len(normal.expected)), np.zeros_like(normal.left_open)),
-        spread_of(normal, normal.names, normal.everyday),
+        spread_of(normal, normal.names, normal.least_deviations),
     )
     model = model._replace(stretch=0.0 * model.stretch, recording=0.0 * model.recording)
     one, other = (predicted(part, known, model).covariance for part in (some, harder))

@@ -37,5 +37,5 @@ def test_a_force_is_rolled_out_from_where_it_begins_as_from_the_first_row(stiffn
     for column, shape in enumerate(shapes.T):
         wrench = np.zeros((len(shape), 3))
         wrench[:, 0] = force_units(problem)[0] * shape
-        change = observe(problem, gains, theta, (), 0, push=wrench) - gains.innovations[0]
+        change = observe(problem, gains, theta, (), 0, wrench=wrench) - gains.innovations[0]
         np.testing.assert_array_equal(found[:, column], counted(problem, problem.runs[0], change).ravel())

@@ -57,7 +57,7 @@ def test_the_baseline_survives_json(other_car):
     assert again.blocks == normal.blocks
     assert again.stride == normal.stride == STRIDE
     for field in ("units", "scales", "precision", "standard", "covariance", "information", "expected", "left_open",
-                  "everyday", "left_out", "left_out_none", "covered", "unknown", "recording"):  # fmt: skip
+                  "least_deviations", "left_out", "left_out_none", "covered", "unknown", "recording"):  # fmt: skip
         np.testing.assert_array_equal(getattr(again, field), getattr(normal, field))
 
 

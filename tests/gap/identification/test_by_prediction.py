@@ -123,7 +123,7 @@ def test_logs_of_another_kind_of_car_choose_prediction(other_car, monkeypatch):
         identification, "identify_by_likelihood", lambda *given: tried.append(by_likelihood(*given)) or tried[0]
     )
     found = identify([run.rows(0, 300) for run in other_car.runs[:2]], other_car.guess, names=())
-    assert tried[0].calibration.row_weight < WHITE
+    assert tried[0].calibration.tempering < WHITE
     assert found.calibration.criterion == "prediction"
     assert "innovations are not white" in found.calibration.warnings[0]
 

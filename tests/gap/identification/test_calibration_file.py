@@ -18,25 +18,25 @@ def test_what_identify_writes_can_be_read(identified, tmp_path):
     path.write_text(to_json(identified.calibration))
     c = identified.calibration
     found = read_trust(path)
-    assert (found.noise_scale, found.process_scale, found.row_weight) == (c.trust.noise, c.trust.process, c.row_weight)
-    assert found.everyday == c.everyday
+    assert (found.noise_scale, found.process_scale, found.tempering) == (c.trust.noise, c.trust.process, c.tempering)
+    assert found.discrepancy == c.discrepancy
 
 
 def test_forces_are_read_if_there_are_any(tmp_path):
     forces = {name: [1.0] * FUNCTIONS for name in FORCE_CHANNELS}
-    data = {"trust": {"noise": 2.0, "process": 0.5}, "row_weight": 0.1,
-            "everyday": {"forces": forces, "offsets": {"r": 0.5}, "row_weight": 0.3}}  # fmt: skip
+    data = {"trust": {"noise": 2.0, "process": 0.5}, "tempering": 0.1,
+            "discrepancy": {"forces": forces, "offsets": {"r": 0.5}, "tempering": 0.3}}  # fmt: skip
     path = tmp_path / "car.json"
     path.write_text(json.dumps(data))
-    assert read_trust(path).everyday.row_weight == 0.3
-    path.write_text(json.dumps(data | {"everyday": None}))
+    assert read_trust(path).discrepancy.tempering == 0.3
+    path.write_text(json.dumps(data | {"discrepancy": None}))
     assert read_trust(path) == CarTrust(2.0, 0.5, 0.1, None)
 
 
 def test_weights_of_other_functions_are_refused(tmp_path):
     path = tmp_path / "car.json"
-    everyday = {"forces": {name: [1.0, 2.0] for name in FORCE_CHANNELS}, "offsets": {}, "row_weight": 0.3}
-    path.write_text(json.dumps({"trust": {"noise": 2.0, "process": 0.5}, "row_weight": 0.1, "everyday": everyday}))
+    discrepancy = {"forces": {name: [1.0, 2.0] for name in FORCE_CHANNELS}, "offsets": {}, "tempering": 0.3}
+    path.write_text(json.dumps({"trust": {"noise": 2.0, "process": 0.5}, "tempering": 0.1, "discrepancy": discrepancy}))
     with pytest.raises(InvalidCalibrationError, match=f"has 2 weights for {FORCE_CHANNELS[0]}, expected {FUNCTIONS}"):
         read_trust(path)
 
@@ -53,12 +53,12 @@ def test_bad_calibrations_get_one_sentence(tmp_path, text, says):
 @pytest.mark.parametrize(
     ("arguments", "says"),
     [
-        (["--row-weight", "0"], "above 0, up to 1"),
-        (["--row-weight", "1.5"], "above 0, up to 1"),
+        (["--tempering", "0"], "above 0, up to 1"),
+        (["--tempering", "1.5"], "above 0, up to 1"),
         (["--noise-scale", "-1"], "factors above 0"),
         (["--most-seconds", "5"], "give 12 or more"),
         (["--calibration", "nothing.json"], "nothing.json: cannot be read"),
-        (["--calibration", "nothing.json", "--row-weight", "0.5"], "not both"),
+        (["--calibration", "nothing.json", "--tempering", "0.5"], "not both"),
     ],
 )
 def test_bad_trust_is_one_sentence(tmp_path, capsys, arguments, says):

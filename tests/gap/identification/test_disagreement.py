@@ -128,7 +128,7 @@ def asked_of(other_car, effect: str = "", size: float = 0.0, runs: int = 4):
         off = size * column * robust_scales(day.errors) * (day.run == 2)[:, None, None]
         day = dataclasses.replace(day, errors=day.errors - off)
     prior = np.ones(len(n.names))
-    learnt = learn_normal(day, n.names, n.units, prior, n.everyday, 0.5 * prior)
+    learnt = learn_normal(day, n.names, n.units, prior, n.least_deviations, 0.5 * prior)
     return day, asked_in_turn(learnt, car.vehicle)
 
 

@@ -37,7 +37,7 @@ def test_scores_of_forces_that_are_lacking_scatter_by_their_power():
 
 
 def test_a_car_that_the_model_follows_keeps_its_rows(identified):
-    assert 0.3 < identified.calibration.row_weight <= 1.0
+    assert 0.3 < identified.calibration.tempering <= 1.0
 
 
 @pytest.fixture(scope="module")
@@ -88,11 +88,11 @@ def test_one_run_s_derivatives_are_held_at_a_time(strange, monkeypatch):
 
 
 def test_what_a_car_lacks_every_day_raises_the_likelihoods_weight(strange):
-    plain, everyday = model_discrepancy(strange)
+    plain, discrepancy = model_discrepancy(strange)
     assert plain < 0.5
-    assert plain < everyday.row_weight <= 1.0
-    assert set(everyday.forces) == set(FORCE_CHANNELS)
-    taken_out = traced(strange.problem.replace(everyday=everyday))
+    assert plain < discrepancy.tempering <= 1.0
+    assert set(discrepancy.forces) == set(FORCE_CHANNELS)
+    taken_out = traced(strange.problem.replace(discrepancy=discrepancy))
     nothing = np.zeros(taken_out.nuisances)
     left, before = (flat(p, filter_case(p, nothing, ()).innovations) for p in (taken_out, strange.problem))
     assert np.sum(left**2) < np.sum(before**2)

@@ -124,7 +124,7 @@ class Answer:
             if self.details.get("decision") == "undecided":
                 return f"undecided: these logs neither show nor exclude a gap {sure[:-1]} of none{of})"
             return f"no gap beyond the car's calibrated baseline {sure[:-1]}{of})"
-        worth = self.details.get("row_weight", 1.0)
+        worth = self.details.get("tempering", 1.0)
         if worth < 1.0:
             beyond = f"the car's model discrepancy, at a likelihood tempering exponent of {worth:.2g} {sure}"
             return f"no gap beyond the vehicle file's tolerances and {beyond}"
@@ -288,7 +288,7 @@ def _answer(data: dict[str, Any]) -> Answer:
 def _details(details: Any) -> dict[str, Any]:
     """What the sentence and `apply` read of the details is checked here; beliefs are by whoever plans from them."""
     details = _entries("details", details)
-    for key in ("row_weight", "familiar"):
+    for key in ("tempering", "familiar"):
         _number(f"details.{key}", details.get(key, 1.0))
     _names("details.at_least", details.get("at_least", []))
     for name, value in _by_effect("details.with", details.get("with", {})).items():

@@ -190,8 +190,8 @@ def change_beliefs(
         there = [b.name for b in beliefs]
         unseen = [name for name in hidden(search, limits)[:MOST_UNSEEN] if name not in there]
         beliefs += [unseen_belief(search, name, likely * odds) for name in unseen]
-    row_weight = PERIOD / WORTH
-    return as_data(Sensing(noise, used, PROCESS_NOISE**2, row_weight, search.day.own), beliefs)
+    tempering = PERIOD / WORTH
+    return as_data(Sensing(noise, used, PROCESS_NOISE**2, tempering, search.day.own), beliefs)
 
 
 def hidden(search: Search, limits: Mapping[str, DetectionLimit]) -> list[str]:

@@ -47,9 +47,9 @@ def limits_by_filter(
     runs, left_out = part_of(runs)
     names, warnings = seen_effects(runs, tuple(CATALOGUE))
     warnings += left_out
-    options = {key: value for key, value in trust.items() if key != "everyday"}
+    options = {key: value for key, value in trust.items() if key != "discrepancy"}
     problem = make_problem(runs, vehicle, stated=stated, own=own, **options)
-    if trust.get("everyday") is not None:
-        problem, more = applied(problem, trust["everyday"])
+    if trust.get("discrepancy") is not None:
+        problem, more = applied(problem, trust["discrepancy"])
         warnings += more
     return isolability(problem, no_effects(problem), names, small=True).limits(vehicle), warnings

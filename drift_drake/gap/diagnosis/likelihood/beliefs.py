@@ -46,7 +46,7 @@ class Sensing:
     noise: np.ndarray  # [9] standard deviations, in the order of `filter_state.CHANNELS`
     used: np.ndarray  # [9] bool
     process: np.ndarray  # [9] variances a second of the first nine filter states
-    row_weight: float = 1.0  # what one of their rows is worth
+    tempering: float = 1.0  # what one of their rows is worth
     own: Effects = dataclasses.field(default_factory=Effects)  # of the vehicle file; magnitudes add to them
 
 
@@ -70,7 +70,7 @@ def beliefs_as_data(
     additional = unseen(problem, ranked[0], kept[0], catalogue, calibration) if kept else []
     hidden = [b for b in additional if b.name not in known]
     used = np.all([run.used for run in problem.runs], axis=0)
-    sensing = Sensing(problem.noise, used, problem.process, problem.row_weight, problem.own)
+    sensing = Sensing(problem.noise, used, problem.process, problem.tempering, problem.own)
     return as_data(sensing, kept + hidden[:MOST_UNSEEN])
 
 
@@ -80,7 +80,7 @@ def as_data(sensing: Sensing, beliefs: Sequence[Belief]) -> dict[str, Any]:
         "noise": sensing.noise.tolist(),
         "used": sensing.used.tolist(),
         "process": sensing.process.tolist(),
-        "row_weight": sensing.row_weight,
+        "tempering": sensing.tempering,
         "own": magnitudes_of(sensing.own),
         "hypotheses": {
             b.name: {"probability": b.probability, "theta": b.theta.tolist(), "root": b.root.tolist()} for b in beliefs
@@ -135,7 +135,7 @@ def beliefs_from_data(data: Mapping[str, Any]) -> tuple[Sensing, list[Belief]]:
         np.array(data["noise"]),
         np.array(data["used"], dtype=np.bool_),
         np.array(data["process"]),
-        data.get("row_weight", 1.0),
+        data.get("tempering", 1.0),
         make_effects(data.get("own", {})),
     )
     beliefs = [

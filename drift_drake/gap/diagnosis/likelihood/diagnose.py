@@ -22,7 +22,15 @@ from drift_drake.gap.estimation.admitted import admit
 from drift_drake.gap.estimation.fit import Fit, no_effects, prior_precision
 from drift_drake.gap.estimation.freeform import applied, misfit, responses, traced
 from drift_drake.gap.estimation.prior import TWO_SIDED, Interval, bounds
-from drift_drake.gap.estimation.problem import NUISANCES, TOLERANCES, Everyday, Problem, filter_case, flat, make_problem
+from drift_drake.gap.estimation.problem import (
+    NUISANCES,
+    TOLERANCES,
+    ModelDiscrepancy,
+    Problem,
+    filter_case,
+    flat,
+    make_problem,
+)
 from drift_drake.gap.estimation.reduction import (
     Reduction,
     errors_of,
@@ -110,7 +118,7 @@ class Judged:
             "free_form_removes": self.left[1].removed,
             "vehicle_file_exact": fit.exactness < 1.0,
             "leading_known": hypothesis_name(fit.names),
-            "row_weight": problem.row_weight,
+            "tempering": problem.tempering,
             "at_least": at_ends(self.magnitudes(problem.vehicle), problem.vehicle),
             **further,
             "beliefs": beliefs_as_data(problem, self.hypotheses, self.posterior.probabilities, names, calibration),
@@ -283,8 +291,8 @@ def diagnose(
     noise_scale: float = 1.0,
     stated: Mapping[str, float] | None = None,
     own: Effects = Effects(),
-    row_weight: float = 1.0,
-    everyday: Everyday | None = None,
+    tempering: float = 1.0,
+    discrepancy: ModelDiscrepancy | None = None,
     most_seconds: float = MOST_SECONDS,
 ) -> Diagnosis:
     """Diagnoses the runs of one case.
@@ -292,9 +300,9 @@ def diagnose(
     Args:
         runs: of the same car on the same day; vehicle: what its simulator believes; workers: threads;
         progress: called with a stage's name and the share done; calibration: constants of the posterior;
-        catalogue: names of the effects to consider; process_scale, noise_scale, stated, row_weight: see `make_problem`;
+        catalogue: names of the effects to consider; process_scale, noise_scale, stated, tempering: see `make_problem`;
         own: effects that the vehicle file has already; what is found adds to them;
-        everyday: model discrepancy, with a tempering exponent of its own (`freeform.applied`);
+        discrepancy: model discrepancy, with a tempering exponent of its own (`freeform.applied`);
         most_seconds: of logs that are looked at; of longer ones pieces spread evenly over them (`part_of`).
 
     Raises:
@@ -305,8 +313,8 @@ def diagnose(
     runs, doubts, doubted = admit(runs, vehicle)
     runs, left_out = part_of(runs, most_seconds)
     names, unseen = seen_effects(runs, catalogue)
-    problem = make_problem(runs, vehicle, process_scale, noise_scale, stated, own, row_weight)
-    problem, misfits = (problem, []) if everyday is None else applied(problem, everyday)
+    problem = make_problem(runs, vehicle, process_scale, noise_scale, stated, own, tempering)
+    problem, misfits = (problem, []) if discrepancy is None else applied(problem, discrepancy)
     found = search(problem, names, workers, lambda stage, share: tell(stage, 0.8 * share))
     judged = judge_hypotheses(problem, found, len(names), calibration or read_constants(), tell)
     tell("where it is", 0.93)

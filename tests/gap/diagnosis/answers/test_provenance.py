@@ -84,7 +84,7 @@ def test_only_the_same_logs_vehicle_and_options_are_answered(case: Path, tmp_pat
     path = tmp_path / "monday.json"
     path.write_text(json.dumps(answer_of(case)))
     assert answered(path, provenance(case, VEHICLE, {})) is not None
-    assert answered(path, provenance(case, VEHICLE, {"row_weight": 0.5})) is None
+    assert answered(path, provenance(case, VEHICLE, {"tempering": 0.5})) is None
     assert answered(path, provenance(case, VEHICLE.replace(mass=1500.0), {})) is None
     (case / "run_0.csv").write_text("t\n1\n")
     assert answered(path, provenance(case, VEHICLE, {})) is None

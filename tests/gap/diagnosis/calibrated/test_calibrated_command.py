@@ -104,7 +104,7 @@ def test_an_excluded_effect_is_not_considered(files, tmp_path):
         (["--every", "0"], "--every 0"),
         (["--without", "r"], "--without r"),
         (["--exclude", "wind"], "unknown effect wind"),
-        (["--row-weight", "0.5"], "--calibration has the scales and the likelihood tempering exponent"),
+        (["--tempering", "0.5"], "--calibration has the scales and the likelihood tempering exponent"),
     ],
 )
 def test_bad_input_is_one_sentence(files, capsys, options, says):

@@ -36,7 +36,7 @@ def test_after_none_the_rivals_are_what_the_logs_could_not_show(plain_day):
     sensing, beliefs = beliefs_of(dataclasses.replace(plain_day.answer, details=details))
     assert [b.name for b in beliefs] == ["none", "friction_level", "torque_gain_error"]
     np.testing.assert_allclose(sensing.noise[0], search.normal.scales[0, 0])
-    assert 0.0 < sensing.row_weight < 0.01
+    assert 0.0 < sensing.tempering < 0.01
 
 
 def test_a_drive_is_planned_from_the_answer_to_a_change(late_day, other_car):

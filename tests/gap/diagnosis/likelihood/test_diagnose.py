@@ -171,9 +171,9 @@ def test_folders_of_cases_are_distinguished_from_cases(stiffness_case, tmp_path)
 
 def test_none_says_how_little_a_row_was_worth(diagnosis):
     answer = dataclasses.replace(diagnosis.answer, verdict="none", causes=[], posterior={"none": 0.6})
-    assert answer.details["row_weight"] == 1.0
+    assert answer.details["tempering"] == 1.0
     assert answer.sentence().endswith("tolerances and the sensors' noise.")
-    light = dataclasses.replace(answer, details={"row_weight": 0.0011})
+    light = dataclasses.replace(answer, details={"tempering": 0.0011})
     assert "model discrepancy, at a likelihood tempering exponent of 0.0011 (probability 0.60)" in light.sentence()
 
 

@@ -20,7 +20,7 @@ def once(stiffness_case):
 
 @pytest.fixture(scope="module")
 def twice(once):
-    return once.replace(runs=[*once.runs, dataclasses.replace(once.runs[0], name="again")], row_weight=0.5)
+    return once.replace(runs=[*once.runs, dataclasses.replace(once.runs[0], name="again")], tempering=0.5)
 
 
 def fitted(problem, names=NAMES):
@@ -43,7 +43,7 @@ def test_so_is_what_free_forces_gain(once, twice):
 
 def test_a_smaller_weight_widens_intervals_and_leaves_priors_in_full(once):
     exact = once.replace(exactness=1e-3)
-    light = fitted(exact.replace(row_weight=0.01))
+    light = fitted(exact.replace(tempering=0.01))
     assert light.deviations[NAMES[0]] == pytest.approx(10.0 * fitted(exact).deviations[NAMES[0]], rel=0.2)
-    tolerance = fitted(once.replace(row_weight=1e-9), ()).covariance[0, 0]
+    tolerance = fitted(once.replace(tempering=1e-9), ()).covariance[0, 0]
     assert tolerance == pytest.approx(1.0, rel=1e-3)

@@ -59,6 +59,9 @@ class Tyre(Protocol):
     Plain arithmetic and the functions of `drift_drake.car.scalar` (exp, tanh, atan, select, ...), finite for every
     positive slip, since it is compiled, differentiated by complex steps, and evaluated on Drake's scalars.
 
+    Slip sigma [-], stiffness at zero slip [N per unit slip] and largest force [N] give F / sigma [N] and its derivative
+    by sigma [N]; numbers, not arrays. `InvalidExtensionError` says what is wrong with a tyre when it is loaded.
+
     Examples:
         >>> def saturating(sigma, stiffness, peak):  # F = peak tanh(C sigma / peak), by the secant
         ...     force = tanh(stiffness * sigma / peak)

@@ -216,7 +216,10 @@ def write_vehicle(
     effects: Effects = Effects(),
     single_track: tuple[VehicleParameters, Effects] | None = None,
 ) -> None:
-    """Writes a vehicle file that is read back to the same car; effects of zero magnitude are left out.
+    """Writes a vehicle file (YAML, SI units) that is read back to the same car; effects of zero magnitude are left out.
+
+    Raises:
+        OutputError: the file cannot be written.
 
     single_track: to be kept with a double-track car, the one that was calibrated on the same logs.
 

@@ -172,7 +172,7 @@ def check_names(path: Path, names: Sequence[str]) -> None:
 
 
 def write_run(run: Run, path: str | Path) -> None:
-    """Writes one run as CSV (nine digits); absent columns are left out.
+    """Writes one run as CSV (nine digits, SI), absent columns left out; OutputError where it cannot be written.
 
     Examples:
         >>> write_run(read_run("logs/monday/run_0.csv").rows(0, 100), "first_second.csv")

@@ -187,6 +187,8 @@ def gather(
     """Drives a trajectory: (log at 100 Hz, how it ended: "time" is as planned, "enough" by `config.stop_below`).
 
     Args:
+        trajectory: states [N + 1, n] and inputs [N, 2] (delta [rad], tau [N m]) in steps of 0.1 s; effects: of the true
+            car alone; parameters: of the car; seed: of the sensors' noise; plant: the car's, single-track without.
         learning: the model and what is believed before the drive, where the rest of the drive is to be planned again
             each `config.replan` [s]; without, a drive is as long as the trajectory, on a track too.
 
@@ -211,6 +213,9 @@ def drive_samples(table: pd.DataFrame, config: GatheringConfig) -> Samples:
 
 def learn_drive(model: BayesianModel, belief: Posterior, table: pd.DataFrame, config: GatheringConfig) -> Posterior:
     """The belief after a drive's log.
+
+    Args:
+        table: log at 100 Hz as `gather` gives it (SI); config: the lane that it was driven on.
 
     Examples:
         >>> belief = learn_drive(model, model.prior(), table, GatheringConfig())

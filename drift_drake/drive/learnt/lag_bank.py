@@ -66,6 +66,9 @@ def under_lags(
 def learn_with_lags(model: BayesianModel, samples_of: Callable[[Array], Samples]) -> tuple[BayesianModel, Posterior]:
     """(the model with the lags under which drives are likeliest, its posterior after them); see `under_lags`.
 
+    Args:
+        samples_of: the drives' samples under lags of steering and torque [s] [2].
+
     Examples:
         >>> samples_of = lambda lag: samples_from_log(table, None, vehicle=0, drive=0, lag=lag)
         >>> lagged, belief = learn_with_lags(model, samples_of)

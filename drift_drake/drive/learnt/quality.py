@@ -56,6 +56,10 @@ def split_vehicle(samples: Samples, points: int, rotation: int = 0) -> Split:
 def learn(model: BayesianModel, belief: Posterior, samples: Samples) -> Posterior:
     """The belief after samples.
 
+    Args:
+        belief: before; its mean is [4, 16], of the rates of r, v, beta, omega_r (SI).
+        samples: n transitions in steps of 0.1 s: x [n, states], u [n, 2] in [rad, N m].
+
     Examples:
         >>> belief = learn(model, model.prior(), samples_from_log(table, None, vehicle=0, drive=0))
     """
@@ -126,7 +130,10 @@ def predicted_windows(
 
 
 def step_model(model: BayesianModel, posterior: Posterior, path_step: PathStep = "trapezoid") -> BayesianStepModel:
-    """The one-step model of a posterior's mean.
+    """The one-step model of a posterior's mean: x [n] and u (delta [rad], tau [N m]) to x 0.1 s later.
+
+    Args:
+        path_step: how e and dphi take the step: from its start and its end ("trapezoid"), or from its start ("euler").
 
     Examples:
         >>> mpc = Mpc(step_model(model, model.prior()), car, reference)

@@ -66,7 +66,7 @@ class AlternativePlan(NamedTuple):
 
 
 class MpcSolution(NamedTuple):
-    """A plan, what it was found with, and what the next solve starts from.
+    """A plan (delta [rad], tau [N m]), what it was found with, and what the next solve starts from.
 
     Examples:
         >>> solution = Mpc(NominalStepModel(car), car, reference).solve(reference.state(0.0), 0.0, 0.0)

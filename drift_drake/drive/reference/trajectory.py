@@ -172,6 +172,9 @@ def straight_line(v_start: float, v_end: float, duration: float, half_width: flo
         v_start, v_end: speeds [m/s] at the start and at `duration` [s]; the rim speed equals the speed.
         half_width: [m] of the lane to either side.
 
+    Raises:
+        ValueError: a speed or the duration is not positive.
+
     Examples:
         >>> straight_line(7.5, 20.0, duration=4.5).path.length  # [m]
         61.875

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 from drift_drake.gap.evidence.posterior import UNKNOWN
+from drift_drake.gap.monitoring.events import PERSISTS, UNKNOWN_PERSISTS
 from drift_drake.gap.monitoring.evidence import ALARM, NAMED
-from drift_drake.gap.monitoring.monitor import PERSISTS, UNKNOWN_PERSISTS
 
 METHODS = ("monitor", "chi_square", "cumulative_sum", "augmented", "learnt")
 NAMING = {"monitor": "leading", "augmented": "augmented_leading"}  # methods that say which effect it is

@@ -3,8 +3,8 @@
 import numpy as np
 
 from drift_drake.gap.monitoring.bank import Node
+from drift_drake.gap.monitoring.events import sentence
 from drift_drake.gap.monitoring.evidence import Sums, evidence_problem, no_history, with_block
-from drift_drake.gap.monitoring.monitor import sentence
 from drift_drake.gap.monitoring.watch import mistakable
 
 NODES = [

@@ -7,8 +7,9 @@ from drift_drake.car.effects.magnitudes import Effects, make_effects
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.gap.estimation.filter_state import CHANNELS
 from drift_drake.gap.monitoring import bank as filters
+from drift_drake.gap.monitoring.events import sentence
 from drift_drake.gap.monitoring.evidence import Sums, no_sums, since, unpacked
-from drift_drake.gap.monitoring.monitor import SETTLING, after_row, sentence, with_row
+from drift_drake.gap.monitoring.monitor import SETTLING, after_row, with_row
 from drift_drake.gap.monitoring.watch import monitor_of, rows_of, watched
 from experiments.monitoring.drives import changed_drive
 from experiments.monitoring.limits import limits

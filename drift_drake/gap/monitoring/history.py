@@ -83,8 +83,7 @@ def newest(history: History[S], blocks: float, edge: float) -> History[S]:
     ages = np.cumsum(history.lengths)
     there = history.lengths > 0.0
     count = int(np.count_nonzero(there & (ages <= blocks)))
-    old = there & (ages > edge + 0.5)
-    before = of_parts(history.before, history.blocks, by=lambda b, a: b + a[old].sum(axis=0))
+    before = older_than(history, edge)
     lengths = [float(length) for length in history.lengths[:count]]
     return History(_filled(lengths), _stacked([_at(history, i) for i in range(count)], before), before)
 
@@ -99,6 +98,12 @@ def until(history: History[S]) -> S:
     """The sums of all that is older than each of those ages [m, ...]."""
     _, sums = since(history)
     return of_parts(history.before, sums, by=lambda before, a: before + a[-1] - a)
+
+
+def older_than(history: History[S], edge: float) -> S:
+    """The sums of all that is older than an edge [blocks]."""
+    old = (history.lengths > 0.0) & (np.cumsum(history.lengths) > edge + 0.5)
+    return of_parts(history.before, history.blocks, by=lambda before, a: before + a[old].sum(axis=0))
 
 
 def _filled(lengths: list[float]) -> np.ndarray:

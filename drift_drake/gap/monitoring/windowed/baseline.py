@@ -17,13 +17,14 @@ from drift_drake.gap.estimation.windows import PREDICTED, WindowedRun, run_error
 from drift_drake.gap.monitoring.bank import effect_nodes
 from drift_drake.gap.monitoring.events import InvalidBaselineScoresError
 from drift_drake.gap.monitoring.evidence import FALSE_ALARMS, alarm_at, evidence_problem
+from drift_drake.gap.monitoring.history import of_parts
 from drift_drake.gap.monitoring.watch import rows_of
 from drift_drake.gap.monitoring.windowed.familiar import LARGEST, Familiar, familiar_of
 from drift_drake.gap.monitoring.windowed.monitor import WindowMonitor
 from drift_drake.gap.monitoring.windowed.null import distance, null_of
-from drift_drake.gap.monitoring.windowed.sums import FEATURES, features, projection_of, sums_of
+from drift_drake.gap.monitoring.windowed.sums import FEATURES, features, no_windows, projection_of, sums_of
 
-MOST = 300  # windows of a calibration, evenly chosen, whose distance from normal is looked at
+MOST = 700  # windows of a calibration, of each recording as many, whose distance from normal is looked at
 TYPICAL = 0.75  # quantile of these distances, beyond which a window counts less
 COLUMNS = tuple(PREDICTED)
 
@@ -76,8 +77,8 @@ def learn_window_baseline(runs: Sequence[Run], vehicle: CarParameters, own: Effe
     driving = [np.array([features(window) for window in some]) for some in windows if some]
     if not driving:
         raise InvalidLogError("no window of predictions can be judged")
-    whole = [window for some in windows for window in some]
-    found = [distance_of(monitor, window) for window in whole[:: max(int(np.ceil(len(whole) / MOST)), 1)]]
+    first = max(MOST // len(driving), 1)
+    found = np.concatenate([distances_of(monitor, some[:first]) for some in windows])
     return dataclasses.replace(everywhere, cap=float(np.quantile(found, TYPICAL)), familiar=familiar_of(driving))
 
 
@@ -90,10 +91,15 @@ def windows_of(monitor: WindowMonitor, run: Run) -> list[WindowedRun]:
     return out
 
 
-def distance_of(monitor: WindowMonitor, window: WindowedRun) -> float:
-    """Squared distance of a window's scores from normal, per score."""
-    e = run_errors(window, monitor.projection.constants, monitor.projection.own)
-    return distance(monitor.null, sums_of(monitor.projection, window, e, monitor.slipping_of(window)))
+def distances_of(monitor: WindowMonitor, windows: Sequence[WindowedRun]) -> np.ndarray:
+    """Squared distances [windows] of a drive's windows from normal, per score, each given those before."""
+    p, out = monitor.projection, list[float]()
+    older = no_windows(len(p.names), len(p.nodes))
+    for window in windows:
+        one = sums_of(p, window, run_errors(window, p.constants, p.own), monitor.slipping_of(window))
+        out.append(distance(monitor.null, older, one))
+        older = of_parts(older, one, by=np.add)
+    return np.array(out)
 
 
 def window_monitor(

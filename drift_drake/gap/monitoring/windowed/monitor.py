@@ -10,7 +10,7 @@ from drift_drake.gap.estimation.baseline import slipping_in
 from drift_drake.gap.estimation.windows import PREDICTED, WindowedRun, rows_between_starts, run_errors
 from drift_drake.gap.monitoring.events import SIGNALS, Seen, nothing_seen
 from drift_drake.gap.monitoring.evidence import EvidenceProblem, labels
-from drift_drake.gap.monitoring.history import History, no_history, of_parts, since, until, with_block
+from drift_drake.gap.monitoring.history import History, no_history, of_parts, older_than, since, until, with_block
 from drift_drake.gap.monitoring.monitor import FORGETTING, SPIN
 from drift_drake.gap.monitoring.windowed.familiar import Familiar, unlike
 from drift_drake.gap.monitoring.windowed.judge import as_before, verdict_of
@@ -107,8 +107,9 @@ class WindowMonitor:
         if why is not None:
             time = np.array([judged, not_judged + self.block, row + self.block, float(why)])
             return state._replace(seen=Seen(time, state.seen.shown, signals))
-        one = capped(self.null, sums_of(self.projection, window, e, self.slipping_of(window)))
         edge = state.clock[1]
+        one = sums_of(self.projection, window, e, self.slipping_of(window))
+        one = capped(self.null, older_than(state.history, edge), one)
         history = with_block(state.history, one, FORGETTING, edge)
         verdict = verdict_of(self.problem, self.null, history)
         shown = np.maximum(state.seen.shown, verdict.shown)

@@ -76,7 +76,7 @@ def run_watch(command: Watch) -> None:
     if seen.sentence():
         say(f"{command.log}: {seen.sentence()}")
     if command.json is not None:
-        last = [seen.summary()]
+        last = [seen.summary()] if seen.sentence() else []
         streams = command.follow and command.json == STANDARD_OUTPUT
         write_text(command.json, _lines(last if streams else [*reported, *last]))
 

@@ -22,7 +22,7 @@ class InvalidBaselineScoresError(DriftDrakeError, ValueError):
     """A calibration that nothing can be watched with; the message names the file and the remedy."""
 
 
-class Seen(NamedTuple):
+class SoFar(NamedTuple):
     """What a watch has seen so far, whatever it has reported."""
 
     time: np.ndarray  # [4] seconds judged; not judged; of these those in a row until now; why (index, `harder`)
@@ -30,9 +30,9 @@ class Seen(NamedTuple):
     signals: np.ndarray  # [2, SIGNALS] as measured, and as the simulator predicted them
 
 
-def nothing_seen(n: int) -> Seen:
+def nothing_seen(n: int) -> SoFar:
     """Before the first row."""
-    return Seen(np.zeros(4), np.zeros(n), np.full((2, len(SIGNALS)), np.nan))
+    return SoFar(np.zeros(4), np.zeros(n), np.full((2, len(SIGNALS)), np.nan))
 
 
 class Watcher(Protocol):
@@ -107,7 +107,7 @@ class Events:
         return now, [{key: _rounded(value) for key, value in event.items()} for event in new]
 
     def after_driving(
-        self, seen: Seen, harder: Callable[[int], str], t: float
+        self, seen: SoFar, harder: Callable[[int], str], t: float
     ) -> tuple["Events", list[dict[str, Any]]]:
         """The same after a row that may not be judged; harder: by what a stretch is harder, in words."""
         row = float(seen.time[2])

@@ -28,7 +28,6 @@ RECENT = 1.5  # [s]
 TRUSTED = 0.5  # probability of none, from which on the simulator may be believed
 FALSE_ALARMS = 0.3  # an hour, that a user who asks for none gets
 NAMED = 0.8  # probability, from which on a cause is
-REFUTED = -5.0  # [nats] of an effect against none, below which it has ended
 
 
 def alarm_at(false_alarms: float) -> float:
@@ -42,6 +41,7 @@ def alarm_at(false_alarms: float) -> float:
 
 
 ALARM = alarm_at(FALSE_ALARMS)
+REFUTED = -float(np.log(3600.0 / FALSE_ALARMS))  # [nats] of an effect against none, below which it has ended
 
 
 class Sums(NamedTuple):

@@ -28,7 +28,7 @@ COLOURS = ("#0072b2", "#e69f00", "#cc79a7", "#56b4e9")
 UNITS = {"r": "rad/s", "v": "m/s", "beta": "rad", "omega_r": "m/s"}
 
 
-class Shown(NamedTuple):
+class Drawn(NamedTuple):
     """What is drawn of one verdict."""
 
     t: float  # [s]
@@ -64,11 +64,11 @@ def shown_while(verdicts: Iterable[Told], path: Path, name: str, labels: Sequenc
     Raises:
         OutputError: the page cannot be written.
     """
-    kept: deque[Shown] = deque(maxlen=LONGEST)
+    kept: deque[Drawn] = deque(maxlen=LONGEST)
     events, written = list[dict[str, Any]](), -np.inf
     try:
         for told in verdicts:
-            kept.append(Shown(told.t, told.verdict[: len(labels)], told.seen.signals))
+            kept.append(Drawn(told.t, told.verdict[: len(labels)], told.seen.signals))
             events += told.events
             if live and time.monotonic() - written >= EACH:
                 write_text(path, page(name, labels, kept, events, live))
@@ -79,7 +79,7 @@ def shown_while(verdicts: Iterable[Told], path: Path, name: str, labels: Sequenc
 
 
 def page(
-    name: str, labels: Sequence[str], verdicts: Sequence[Shown] | deque[Shown],
+    name: str, labels: Sequence[str], verdicts: Sequence[Drawn] | deque[Drawn],
     events: Sequence[Mapping[str, Any]], live: bool,
 ) -> str:  # fmt: skip
     """The page's HTML; verdicts: probabilities in the order of `labels`, and signals."""

@@ -17,7 +17,7 @@ from drift_drake.gap.estimation.problem import PROCESS_NOISE
 from drift_drake.gap.estimation.reduction import STATES
 from drift_drake.gap.monitoring import bank as filters
 from drift_drake.gap.monitoring.bank import Bank, BankState, Node, allowance, gated_row, make_bank, make_nodes, on_bank
-from drift_drake.gap.monitoring.events import SIGNALS, Seen, nothing_seen
+from drift_drake.gap.monitoring.events import SIGNALS, SoFar, nothing_seen
 from drift_drake.gap.monitoring.evidence import (
     ALARM,
     TRUSTED,
@@ -50,7 +50,7 @@ class State(NamedTuple):
     bank: BankState
     block: Sums
     history: History[Sums]
-    seen: Seen
+    seen: SoFar
     verdict: np.ndarray  # posterior; magnitude and interval of the leading effect; time of the change [s]
 
 
@@ -207,6 +207,6 @@ def _closed(monitor: Monitor, state: State, t: float) -> State:
         history, verdict = renewed(monitor.problem, history, verdict, BLOCK)
     edge = verdict.edge if verdict.probabilities[0] < TRUSTED else 0.0
     values = np.concatenate([verdict.probabilities, [verdict.magnitude, verdict.low, verdict.high, t - verdict.age]])
-    seen = Seen(state.seen.time + np.array([BLOCK, 0.0, 0.0, 0.0]), np.maximum(state.seen.shown, verdict.shown),
+    seen = SoFar(state.seen.time + np.array([BLOCK, 0.0, 0.0, 0.0]), np.maximum(state.seen.shown, verdict.shown),
                 np.stack([state.bank.reading, state.bank.predicted])[:, : len(SIGNALS)])  # fmt: skip
     return State(np.array([rows, 0.0, edge, left]), state.bank, no_sums(n), history, seen, values)

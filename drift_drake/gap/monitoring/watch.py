@@ -11,7 +11,7 @@ from drift_drake.car.parameters import VehicleParameters
 from drift_drake.car.sensors import NoiseLevels
 from drift_drake.gap.estimation.filter_state import CHANNELS
 from drift_drake.gap.logs.noise import white_noise_level
-from drift_drake.gap.monitoring.events import Events, Seen, Watcher
+from drift_drake.gap.monitoring.events import Events, SoFar, Watcher
 from drift_drake.gap.monitoring.evidence import EvidenceProblem
 from drift_drake.gap.monitoring.monitor import Monitor, make_monitor
 from drift_drake.gap.monitoring.windowed.familiar import harder
@@ -62,7 +62,7 @@ class Told(NamedTuple):
     t: float  # [s]
     verdict: np.ndarray  # `State.verdict`
     events: list[dict[str, Any]]  # to report
-    seen: Seen
+    seen: SoFar
 
 
 def watched(monitor: Watcher, rows: Iterator[Row]) -> Iterator[Told]:

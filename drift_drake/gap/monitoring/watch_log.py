@@ -11,7 +11,7 @@ from drift_drake.car.log.table import InvalidLogError, Run, read_run
 from drift_drake.common.errors import InvalidOptionError
 from drift_drake.gap.monitoring import shown
 from drift_drake.gap.monitoring.baselines import Baseline, baseline_given, calibrated_watcher
-from drift_drake.gap.monitoring.events import Seen, Watcher
+from drift_drake.gap.monitoring.events import SoFar, Watcher
 from drift_drake.gap.monitoring.evidence import FALSE_ALARMS, alarm_at
 from drift_drake.gap.monitoring.follow import Tail, as_rows, growing_rows, head_of, on_the_clock
 from drift_drake.gap.monitoring.watch import Row, monitor_of, rows_of, watched
@@ -27,7 +27,7 @@ class WatchedDrive:
 
     events: list[Event]
     monitor: Watcher
-    seen: Seen
+    seen: SoFar
     t: float  # of the last verdict [s]
 
     @property

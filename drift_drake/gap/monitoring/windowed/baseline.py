@@ -19,7 +19,7 @@ from drift_drake.gap.monitoring.events import InvalidBaselineScoresError
 from drift_drake.gap.monitoring.evidence import FALSE_ALARMS, alarm_at, evidence_problem
 from drift_drake.gap.monitoring.history import of_parts
 from drift_drake.gap.monitoring.watch import rows_of
-from drift_drake.gap.monitoring.windowed.familiar import LARGEST, Familiar, familiar_of
+from drift_drake.gap.monitoring.windowed.familiar import LARGEST, KnownDriving, familiar_of
 from drift_drake.gap.monitoring.windowed.monitor import WindowMonitor
 from drift_drake.gap.monitoring.windowed.null import distance, null_of
 from drift_drake.gap.monitoring.windowed.sums import FEATURES, features, no_windows, projection_of, sums_of
@@ -36,7 +36,7 @@ class WindowBaseline:
     period: float  # [s] of the logs
     columns: tuple[str, ...]  # that they have, of `COLUMNS`
     cap: float  # `Null.cap`
-    familiar: Familiar
+    familiar: KnownDriving
 
     def as_data(self) -> dict[str, Any]:
         """Plain data, the inverse of `window_baseline_of`."""
@@ -58,7 +58,9 @@ def window_baseline_of(data: Mapping[str, Any]) -> WindowBaseline:
     if not (np.all(np.abs(points) < LARGEST) and np.all(size > 0.0) and np.all(size < LARGEST)):
         raise ValueError("points and size must be finite numbers")
     cap, limit = (number(data[key], lambda q: 0.0 < q < LARGEST) for key in ("cap", "limit"))
-    return WindowBaseline(number(data["period"], lambda q: 0.0 < q < 1.0), columns, cap, Familiar(points, size, limit))
+    return WindowBaseline(
+        number(data["period"], lambda q: 0.0 < q < 1.0), columns, cap, KnownDriving(points, size, limit)
+    )
 
 
 def learn_window_baseline(runs: Sequence[Run], vehicle: CarParameters, own: Effects, normal: Normal) -> WindowBaseline:
@@ -70,7 +72,7 @@ def learn_window_baseline(runs: Sequence[Run], vehicle: CarParameters, own: Effe
     if any(run.tau_cmd is None or run.beta is None for run in runs):
         raise InvalidLogError("a monitor by windows needs the columns tau_cmd and beta")
     columns = tuple(name for name in COLUMNS if all(run.column(name) is not None for run in runs))
-    everywhere = WindowBaseline(runs[0].period, columns, np.inf, Familiar(np.zeros((1, len(FEATURES))),
+    everywhere = WindowBaseline(runs[0].period, columns, np.inf, KnownDriving(np.zeros((1, len(FEATURES))),
                                 np.ones(len(FEATURES)), np.inf))  # fmt: skip
     monitor = window_monitor(everywhere, normal, vehicle, own)
     windows = [windows_of(monitor, run) for run in runs]

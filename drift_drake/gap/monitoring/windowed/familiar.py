@@ -13,7 +13,7 @@ APART = 15  # windows of the only recording that are not near each other, either
 LARGEST = 1e6
 
 
-class Familiar(NamedTuple):
+class KnownDriving(NamedTuple):
     """The driving of a calibration's windows, in standard deviations of it."""
 
     points: np.ndarray  # [k, FEATURES]
@@ -21,7 +21,7 @@ class Familiar(NamedTuple):
     limit: float  # distance beyond which a window is unlike all of them
 
 
-def familiar_of(driving: Sequence[np.ndarray]) -> Familiar:
+def familiar_of(driving: Sequence[np.ndarray]) -> KnownDriving:
     """The driving of recordings, each [windows, FEATURES]."""
     whole = np.concatenate(driving)
     size = np.maximum(whole.std(axis=0), 1e-9 + 1e-3 * np.abs(whole).max(axis=0))
@@ -33,10 +33,10 @@ def familiar_of(driving: Sequence[np.ndarray]) -> Familiar:
         if np.any(other):
             found.append(np.min(np.linalg.norm((whole[other] - whole[i]) / size, axis=1)))
     limit = float(np.quantile(found, KNOWN)) if found else 1.0
-    return Familiar(whole[:: max(int(np.ceil(len(whole) / MOST)), 1)], size, max(limit, 1e-3))
+    return KnownDriving(whole[:: max(int(np.ceil(len(whole) / MOST)), 1)], size, max(limit, 1e-3))
 
 
-def unlike(familiar: Familiar, driving: np.ndarray) -> int | None:
+def unlike(familiar: KnownDriving, driving: np.ndarray) -> int | None:
     """Index of the feature by which a window's driving [FEATURES] is off the nearest point; None where it is known."""
     off = (familiar.points - driving) / familiar.size
     distances = np.linalg.norm(off, axis=1)

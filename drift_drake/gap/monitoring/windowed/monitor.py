@@ -8,11 +8,11 @@ import numpy as np
 from drift_drake.car.log.plausible import ABSURD
 from drift_drake.gap.estimation.baseline import slipping_in
 from drift_drake.gap.estimation.windows import PREDICTED, WindowedRun, rows_between_starts, run_errors
-from drift_drake.gap.monitoring.events import SIGNALS, Seen, nothing_seen
+from drift_drake.gap.monitoring.events import SIGNALS, SoFar, nothing_seen
 from drift_drake.gap.monitoring.evidence import EvidenceProblem, labels
 from drift_drake.gap.monitoring.history import History, no_history, of_parts, older_than, since, until, with_block
 from drift_drake.gap.monitoring.monitor import FORGETTING, SPIN
-from drift_drake.gap.monitoring.windowed.familiar import Familiar, unlike
+from drift_drake.gap.monitoring.windowed.familiar import KnownDriving, unlike
 from drift_drake.gap.monitoring.windowed.judge import as_before, verdict_of
 from drift_drake.gap.monitoring.windowed.null import Null, capped, known_after, whitened_after
 from drift_drake.gap.monitoring.windowed.rows import READ, Rows, newest_window, no_rows, with_row
@@ -21,13 +21,13 @@ from drift_drake.gap.monitoring.windowed.sums import Projection, WindowSums, fea
 LATCHED = 0.99  # of the alarm's probability of none, that it stays below until the car is as before
 
 
-class State(NamedTuple):
+class WindowState(NamedTuple):
     """What is carried from row to row."""
 
     clock: np.ndarray  # [2] rows since the last window; age of a reported change [windows], 0: none
     rows: Rows
     history: History[WindowSums]
-    seen: Seen
+    seen: SoFar
     verdict: np.ndarray  # posterior; magnitude and interval of the leading effect; time of the change [s]
 
 
@@ -37,7 +37,7 @@ class WindowMonitor:
 
     projection: Projection
     null: Null
-    familiar: Familiar
+    familiar: KnownDriving
     problem: EvidenceProblem
     used: np.ndarray  # [PREDICTED] channels that are measured
     period: float  # [s] between rows
@@ -57,22 +57,24 @@ class WindowMonitor:
         """Names of the posterior's entries: none, the effects, unknown."""
         return labels(self.problem)
 
-    def start(self) -> State:
+    def start(self) -> WindowState:
         """Before the first row."""
         p = np.zeros(len(self.labels) + 4)
         p[0], p[-4:] = 1.0, np.nan
         n = len(self.problem.nodes)
         history = no_history(no_windows(len(self.projection.names), n))
-        return State(np.zeros(2), no_rows(self.period, self.stride), history, nothing_seen(n), p)
+        return WindowState(np.zeros(2), no_rows(self.period, self.stride), history, nothing_seen(n), p)
 
-    def after_row(self, state: State, y: np.ndarray, command: np.ndarray, t: float, road: float = 0.0) -> State:
+    def after_row(
+        self, state: WindowState, y: np.ndarray, command: np.ndarray, t: float, road: float = 0.0
+    ) -> WindowState:
         """See `events.Watcher`."""
         state, window = self.with_row(state, y, command, road)
         return state if window is None else self._closed(state, window, t)
 
     def with_row(
-        self, state: State, y: np.ndarray, command: np.ndarray, road: float
-    ) -> tuple[State, WindowedRun | None]:
+        self, state: WindowState, y: np.ndarray, command: np.ndarray, road: float
+    ) -> tuple[WindowState, WindowedRun | None]:
         """The state with one more row, and the window that is complete with it, if there is one."""
         reading, bad = y[READ], ~(np.abs(y[READ]) < ABSURD) & self.used
         given = bool((np.abs(command) < ABSURD).all())
@@ -98,7 +100,7 @@ class WindowMonitor:
         v, beta = along[:, PREDICTED.index("v")], along[:, PREDICTED.index("beta")]
         return bool(v.min() > self.slowest and np.abs(beta).max() < SPIN)
 
-    def _closed(self, state: State, window: WindowedRun, t: float) -> State:
+    def _closed(self, state: WindowState, window: WindowedRun, t: float) -> WindowState:
         """A window is complete: it joins the history, which is judged anew, if such driving is known."""
         e = run_errors(window, self.projection.constants, self.projection.own)
         signals = np.stack([window.y[-1], window.y[-1] - e[0, -1]])[:, : len(SIGNALS)]
@@ -106,7 +108,7 @@ class WindowMonitor:
         judged, not_judged, row, _ = state.seen.time
         if why is not None:
             time = np.array([judged, not_judged + self.block, row + self.block, float(why)])
-            return state._replace(seen=Seen(time, state.seen.shown, signals))
+            return state._replace(seen=SoFar(time, state.seen.shown, signals))
         edge = state.clock[1]
         one = sums_of(self.projection, window, e, self.slipping_of(window))
         one = capped(self.null, older_than(state.history, edge), one)
@@ -125,10 +127,10 @@ class WindowMonitor:
         elif p[0] < self.alarm:
             edge = verdict.edge
         values = np.concatenate([p, [verdict.magnitude, verdict.low, verdict.high, t - verdict.age]])
-        seen = Seen(np.array([judged + self.block, not_judged, 0.0, 0.0]), shown, signals)
-        return State(np.array([0.0, edge]), state.rows, history, seen, values)
+        seen = SoFar(np.array([judged + self.block, not_judged, 0.0, 0.0]), shown, signals)
+        return WindowState(np.array([0.0, edge]), state.rows, history, seen, values)
 
-    def at_edge(self, state: State) -> tuple[np.ndarray, np.ndarray] | None:
+    def at_edge(self, state: WindowState) -> tuple[np.ndarray, np.ndarray] | None:
         """See `events.Watcher`."""
         ages, recent = since(state.history)
         if state.clock[1] == 0.0 or not len(ages):

@@ -20,10 +20,10 @@ from drift_drake.gap.monitoring.windowed.sums import WindowSums
 BURST = 3.0  # [s] over which what the equations lack at the limit hangs together
 BURSTS = 3.0
 """By how much what tyres and body seem to be worth deviates more in a burst than on the mean of a stretch of a day."""
-TEMPERATURE = 1.6
+TEMPERATURE = 1.2
 """Of all evidence: what equations lack has heavier tails than a normal distribution, and a few recordings show too
-little of it. With `BURSTS` set on the sedan and confirmed on the single-seater of others' simulators, so that no hard
-drive without a change (50 of them) raises an alarm at one in three hours."""
+little of it. Set with `BURSTS` on a sedan of others' simulators, on its hardest drives without a change (24 of them:
+with 1.0 the highest odds were just below an alarm's at the default rate)."""
 TINY = 1e-9  # of the mean variance of scores, that a direction without any gets
 
 

@@ -16,7 +16,7 @@ SPEED, SIDESLIP, RIM, HEADING = (PREDICTED.index(name) for name in ("v", "beta",
 class Rows(NamedTuple):
     """The newest rows last; those that have not been filled yet are zero."""
 
-    count: np.ndarray  # [] of rows that are filled
+    filled: np.ndarray  # [] rows
     y: np.ndarray  # [rows, PREDICTED] as measured
     command: np.ndarray  # [rows, 2] delta [rad], tau [N m]
     bank: np.ndarray  # [rows] of the road [rad]
@@ -33,7 +33,7 @@ def with_row(rows: Rows, y: np.ndarray, command: np.ndarray, bank: float, bad: b
     """The rows after one more: y [PREDICTED]; bad: a reading is missing, those of the row before stand for it."""
     news = (y, command, bank, float(bad))
     moved = (np.concatenate([old[1:], np.asarray(new)[None]]) for old, new in zip(rows[1:], news, strict=True))
-    return Rows(np.minimum(rows.count + 1.0, len(rows.y)), *moved)
+    return Rows(np.minimum(rows.filled + 1.0, len(rows.y)), *moved)
 
 
 def newest_window(rows: Rows, used: np.ndarray, period: float, stride: float, scales: np.ndarray) -> WindowedRun | None:
@@ -42,7 +42,7 @@ def newest_window(rows: Rows, used: np.ndarray, period: float, stride: float, sc
     Args:
         used: [PREDICTED] channels that are measured; scales: [PREDICTED] of errors at the shortest horizon.
     """
-    n, step = int(rows.count), max(round(stride / period), 1)
+    n, step = int(rows.filled), max(round(stride / period), 1)
     start = n - 1 - HORIZONS * step
     if start < round(SETTLING / period):
         return None

@@ -37,7 +37,7 @@ class Drawn(NamedTuple):
 
 
 @dataclasses.dataclass(frozen=True)
-class Trace:
+class SignalLines:
     """One signal of the page."""
 
     name: str
@@ -106,9 +106,9 @@ def page(
     return with_policy(html)
 
 
-def traces(x: np.ndarray, signals: np.ndarray) -> list[Trace]:
+def traces(x: np.ndarray, signals: np.ndarray) -> list[SignalLines]:
     """Signals as measured and as predicted [n, 2, SIGNALS] at x [n]."""
-    out = list[Trace]()
+    out = list[SignalLines]()
     for i, name in enumerate(SIGNALS):
         values = signals[:, :, i]
         known = np.isfinite(values).all(axis=1)
@@ -117,7 +117,7 @@ def traces(x: np.ndarray, signals: np.ndarray) -> list[Trace]:
         low, high = float(values[known].min()), float(values[known].max())
         y = 100.0 * (high - values[known]) / max(high - low, 1e-9)
         lines = [" ".join(f"{a:.1f},{b:.1f}" for a, b in zip(x[known], y[:, k], strict=True)) for k in range(2)]
-        out.append(Trace(name, UNITS[name], low, high, *lines))
+        out.append(SignalLines(name, UNITS[name], low, high, *lines))
     return out
 
 

@@ -6,11 +6,11 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from drift_drake.car.given_vehicle import GivenVehicle, Vehicle, single_track_of, vehicle_given
+from drift_drake.car.given_vehicle import GivenVehicle, Vehicle, on_one_track, vehicle_given
 from drift_drake.car.log.table import InvalidLogError, Run, read_run
 from drift_drake.common.errors import InvalidOptionError
 from drift_drake.gap.monitoring import shown
-from drift_drake.gap.monitoring.baselines import Baseline, baseline_given, calibrated_watcher
+from drift_drake.gap.monitoring.baselines import Baseline, OfPrediction, baseline_given, calibrated_watcher
 from drift_drake.gap.monitoring.events import SoFar, Watcher
 from drift_drake.gap.monitoring.evidence import FALSE_ALARMS, alarm_at
 from drift_drake.gap.monitoring.follow import Tail, as_rows, growing_rows, head_of, on_the_clock
@@ -109,7 +109,10 @@ def watch(
         if new and tell is not None:
             tell(new)
 
-    for part in _parts(log, follow, tail, lambda run: _monitor(run, given, baseline, false_alarms_per_hour)):
+    def monitor_for(run: Run) -> Watcher:
+        return _monitor(run, given, baseline, false_alarms_per_hour, say)
+
+    for part in _parts(log, follow, tail, monitor_for):
         if found is not None and tail is not None:
             told([{"t": 0.0, "event": "anew", "why": tail.last_end}])
         verdicts = watched(part.monitor, part.rows)
@@ -126,11 +129,18 @@ def watch(
     return found
 
 
-def _monitor(run: Run, given: GivenVehicle, baseline: Baseline | None, false_alarms: float) -> Watcher:
-    """The monitor for a log."""
-    if baseline is not None:
+def _monitor(
+    run: Run, given: GivenVehicle, baseline: Baseline | None, false_alarms: float, say: Callable[[str], None]
+) -> Watcher:
+    """The monitor for a log; a bank of filters takes the single-track car that is kept with a double-track one."""
+    if isinstance(baseline, OfPrediction):
         return calibrated_watcher(baseline, run, given, false_alarms)
-    monitor = monitor_of(run, single_track_of(given.parameters), given.effects)
+    car = on_one_track(given)
+    if car.remark:
+        say(f"warning: {car.remark}")
+    if baseline is not None:
+        return calibrated_watcher(baseline, run, GivenVehicle(car.parameters, car.effects), false_alarms)
+    monitor = monitor_of(run, car.parameters, car.effects)
     return dataclasses.replace(monitor, alarm=alarm_at(false_alarms))
 
 

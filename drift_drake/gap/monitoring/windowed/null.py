@@ -44,7 +44,7 @@ def null_of(normal: Normal, cap: float) -> Null:
     Partial effects' scores are left out: on a few windows they only add to what scatters.
     """
     n = len(normal.names)
-    s = spread_of(normal, normal.names, normal.everyday, len(normal.of_kind))
+    s = spread_of(normal, normal.names, normal.least_deviations, len(normal.of_kind))
     of_effects = s._replace(covariance=s.covariance[:n, :n], information=s.information[:n], stretch=s.stretch[:n],
                             recording=s.recording[:n])  # fmt: skip
     open_yet = normal.scale * normal.left_open[:n, :n] + np.diag(of_effects.recording)

@@ -34,9 +34,10 @@ from drift_drake.drive.loop.metrics import RunMetrics
 from drift_drake.drive.qp.stagewise_qp import solve_stages
 from drift_drake.drive.reference.similarity import similarity, time_step
 from drift_drake.drive.reference.trajectory import Reference, figure_8, loops
+from drift_drake.gap.monitoring.events import sentence
 from drift_drake.gap.monitoring.in_loop import CORRECTING, GapWatch, verdicts_of
 from drift_drake.gap.monitoring.live_page import shown_while
-from drift_drake.gap.monitoring.monitor import make_monitor, sentence
+from drift_drake.gap.monitoring.monitor import make_monitor
 from drift_drake.gap.monitoring.watch import WATCHED
 from drift_drake.view.pictures.graph import draw_graph
 from drift_drake.view.pictures.overhead import overhead
@@ -152,7 +153,7 @@ def main(config: ClosedLoopConfig, to: TextIO | None = None) -> dict[str, Any]:
         shown = shown_while(
             verdicts, folder / "watch.html", f"closed loop, {config.reference}", run.watch.monitor.labels, False
         )
-        events = [event for _, _, new in shown for event in new]
+        events = [event for told in shown for event in told.events]
         write_text(folder / "events.jsonl", "".join(f"{json.dumps(event)}\n" for event in events))
     for event in events:
         print(sentence(event), file=to)

@@ -10,7 +10,7 @@ from typing import Any
 
 import tyro
 
-from drift_drake.car.given_vehicle import on_one_track, vehicle_given
+from drift_drake.car.given_vehicle import vehicle_given
 from drift_drake.car.log.table import InvalidLogError
 from drift_drake.common.errors import InvalidOptionError
 from drift_drake.common.interruption import ended_at_once
@@ -40,39 +40,45 @@ class Watch:
     """Wait for further rows: the log (a CSV) is still being written. Events are then written as they come."""
     idle: float = 0.0
     """With --follow: end after so many seconds without a new row; 0: never."""
+    false_alarms_per_hour: float = 0.3
+    """Changes that may be reported in an hour of driving in which nothing changes, in the mean."""
 
 
 def run_watch(command: Watch) -> None:
-    car = on_one_track(vehicle_given(command.vehicle), command.vehicle)
-    if car.remark:
-        print(f"warning: {car.remark}", file=sys.stderr)
+    vehicle_given(command.vehicle)
     if not 0.0 <= command.idle < math.inf:
         raise InvalidOptionError(f"--idle {command.idle:g}: give seconds, 0 or more")
-    check_file(command.log, InvalidLogError, "give the path of a run (CSV or Parquet)")
+    if not command.follow:
+        check_file(command.log, InvalidLogError, "give the path of a run (CSV or Parquet)")
     inputs = [command.log, command.vehicle, *([command.calibration] if command.calibration else [])]
     try_outputs({"--json": command.json, "--page": command.page}, inputs)
     with ended_at_once():
-        from drift_drake.gap.monitoring.monitor import sentence
+        from drift_drake.gap.monitoring.events import sentence
         from drift_drake.gap.monitoring.watch_log import watch
 
     reported: list[Mapping[str, Any]] = []
 
+    def say(text: str) -> None:
+        print(text, file=said_to(command.json), flush=True)
+
     def tell(events: Sequence[Mapping[str, Any]]) -> None:
         for event in events:
-            print(sentence(event), file=said_to(command.json), flush=True)
+            say(sentence(event))
         reported.extend(events)
         if command.json is not None and command.follow:
             write_text(command.json, _lines(events if command.json == STANDARD_OUTPUT else reported))
             sys.stdout.flush()
 
     seen = watch(
-        command.log, (car.parameters, car.effects), command.calibration, follow=command.follow, idle=command.idle,
-        page=command.page, tell=tell,
+        command.log, command.vehicle, command.calibration, follow=command.follow, idle=command.idle, page=command.page,
+        tell=tell, false_alarms_per_hour=command.false_alarms_per_hour, say=say,
     )  # fmt: skip
-    if not reported:
-        print(f"{command.log}: {seen.sentence()}", file=said_to(command.json))
-    if command.json is not None and not (command.follow and reported):
-        write_text(command.json, _lines(reported))
+    if seen.sentence():
+        say(f"{command.log}: {seen.sentence()}")
+    if command.json is not None:
+        last = [seen.summary()] if seen.sentence() else []
+        streams = command.follow and command.json == STANDARD_OUTPUT
+        write_text(command.json, _lines(last if streams else [*reported, *last]))
 
 
 def _lines(events: Sequence[Mapping[str, Any]]) -> str:

@@ -14,7 +14,6 @@ import tyro
 
 from diagrams.command import run_command
 from drift_drake.car.effects.magnitudes import Effects, make_effects
-from drift_drake.gap.monitoring.evidence import unpacked
 from drift_drake.gap.monitoring.monitor import after_row
 from drift_drake.gap.monitoring.watch import mistakable, rows_of
 from experiments.monitoring.cars import Simulator, double_track_simulator
@@ -54,8 +53,8 @@ def leading(job: Job) -> tuple[str, str, tuple[str, ...]]:
         if row.t <= onset + SECONDS:
             state = after_row(monitor, state, row.y, row.command, row.t)
     name = monitor.labels[1 + int(np.argmax(state.verdict[1:-4]))]
-    history = unpacked(state.history, len(monitor.problem.nodes))
-    return change[0], name, mistakable(monitor.problem, history, float(state.clock[2]), name)
+    at = monitor.at_edge(state)
+    return change[0], name, () if at is None else mistakable(monitor.problem, *at, name)
 
 
 def main(config: Config) -> None:

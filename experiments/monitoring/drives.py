@@ -38,9 +38,11 @@ def changed_drive(
     return sensed_across(*motion, changed, onset, seed)
 
 
-def changed_double_track_drive(kind: str, effects: Effects, onset: float, seed: int, duration: float = 20.0) -> Run:
-    """The same of the double-track coupe; `kind`: of `drivers.DAY_ONE` or `drivers.OTHER`."""
-    parameters = CARS["coupe"]
+def changed_double_track_drive(
+    kind: str, effects: Effects, onset: float, seed: int, duration: float = 20.0, car: str = "coupe"
+) -> Run:
+    """The same of a double-track car (`CARS`); `kind`: of `drivers.DAY_ONE` or `drivers.OTHER`."""
+    parameters = CARS[car]
     driver, p = DayDriver(kind, np.random.default_rng([seed, 0]), parameters), parameters.constants()
     rows, nominal = round(duration / PERIOD) + 1, Effects()
     delta, tau = np.zeros(rows), np.zeros(rows)

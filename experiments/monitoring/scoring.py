@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from drift_drake.gap.evidence.posterior import UNKNOWN
+from drift_drake.gap.monitoring.events import persists
 from drift_drake.gap.monitoring.evidence import ALARM, NAMED
-from drift_drake.gap.monitoring.monitor import PERSISTS, UNKNOWN_PERSISTS
+from drift_drake.gap.monitoring.monitor import BLOCK
 
 METHODS = ("monitor", "chi_square", "cumulative_sum", "augmented", "learnt")
 NAMING = {"monitor": "leading", "augmented": "augmented_leading"}  # methods that say which effect it is
@@ -63,7 +63,7 @@ def named_at(t: np.ndarray, leading: np.ndarray, sure: np.ndarray) -> tuple[floa
     for now, name, is_sure in zip(t, leading, sure, strict=True):
         count = (count * (name == before) + 1) if is_sure else 0
         before = name
-        if count >= (UNKNOWN_PERSISTS if name == UNKNOWN else PERSISTS):
+        if count >= persists(name, BLOCK):
             return float(now), str(name)
     return np.inf, ""
 

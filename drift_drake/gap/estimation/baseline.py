@@ -9,6 +9,7 @@ scale of n is the car's own: recordings are left out of the baseline in turn and
 others predict, together with what is known of other cars.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -42,7 +43,7 @@ from drift_drake.gap.estimation.scores import (
     summed_over,
     window_scores,
 )
-from drift_drake.gap.estimation.windows import regimes
+from drift_drake.gap.estimation.windows import WindowedRun, regimes
 
 TINY = 1e-9  # of the mean variance of scores, that a direction without any gets
 
@@ -100,7 +101,12 @@ class Known(NamedTuple):
 
 def slipping_of(day: Day) -> np.ndarray:
     """How much the tyres slip along the wheels in each window [windows], as a logarithm."""
-    return np.log(SLIGHT + np.concatenate([regimes(run)[:, -1] for run in day.runs]))
+    return slipping_in(day.runs)
+
+
+def slipping_in(runs: Sequence[WindowedRun]) -> np.ndarray:
+    """The same of the windows of runs."""
+    return np.asarray(np.log(SLIGHT + np.concatenate([regimes(run)[:, -1] for run in runs])))
 
 
 def stretches_of(day: Day, scales: np.ndarray, precision: np.ndarray, slipping: float) -> Stretches:

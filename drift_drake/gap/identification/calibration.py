@@ -79,7 +79,7 @@ class Calibration:
     warnings: list[str]
     criterion: str = "likelihood"  # or "prediction"
     normal: Normal | None = None  # of a car calibrated by prediction, for a diagnosis of a change
-    watching: dict[str, Any] | None = None  # `gap.monitoring.baseline_scores.BaselineScores`, for `drift-drake watch`
+    watching: dict[str, Any] | None = None  # of `gap.monitoring.baselines`, for `drift-drake watch`
     catalogue: tuple[str, ...] = tuple(CATALOGUE)  # effects that there were
     disagreed: dict[str, str] = dataclasses.field(default_factory=dict)  # parameters, and who pulls each the most
     driving: Driving | None = None

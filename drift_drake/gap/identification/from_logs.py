@@ -6,14 +6,13 @@ from pathlib import Path
 
 from drift_drake.car.given_vehicle import Vehicle, vehicle_given
 from drift_drake.car.log.given import Logs, logs_given
-from drift_drake.car.log.table import InvalidLogError, Run
-from drift_drake.car.parameters import VehicleParameters
+from drift_drake.car.log.table import Run
 from drift_drake.common.standard_output import Progress
 from drift_drake.gap.identification.calibration import Identification
 from drift_drake.gap.identification.identify import Days, read_days
 from drift_drake.gap.identification.identify import identify as identify_runs
 from drift_drake.gap.identification.options import EFFECTS, KNOWN, CarKind, Criterion
-from drift_drake.gap.monitoring.baseline_scores import learn_baseline_scores
+from drift_drake.gap.monitoring.baselines import learn_baseline
 
 
 def identify(
@@ -52,7 +51,7 @@ def identify(
         days.runs, first.parameters, first.effects, days.case, known, effects, {**days.stated, **(stated or {})},
         progress, criterion, first.tolerances, force, kind=car,
     )  # fmt: skip
-    return _with_baseline_scores(found, days.runs) if watching else found
+    return _with_baseline(found, days.runs) if watching else found
 
 
 def _days(logs: Logs | Sequence[str | Path], case: str | None) -> Days:
@@ -65,13 +64,7 @@ def _days(logs: Logs | Sequence[str | Path], case: str | None) -> Days:
     return Days(given.runs, given.noise, given.case)
 
 
-def _with_baseline_scores(found: Identification, runs: Sequence[Run]) -> Identification:
-    """A calibration with a monitor's baseline of its single-track car, where its logs can say."""
-    car = (found.vehicle, found.effects) if isinstance(found.vehicle, VehicleParameters) else found.single_track
-    if car is None:
-        return found
-    try:
-        scores = learn_baseline_scores(runs, *car)
-    except (InvalidLogError, ValueError):  # no torque commands, or too little driving
-        return found
-    return dataclasses.replace(found, calibration=dataclasses.replace(found.calibration, watching=scores.as_data()))
+def _with_baseline(found: Identification, runs: Sequence[Run]) -> Identification:
+    """A calibration with a monitor's baseline, where its logs can say."""
+    watching = learn_baseline(runs, found.vehicle, found.effects, found.calibration.normal)
+    return dataclasses.replace(found, calibration=dataclasses.replace(found.calibration, watching=watching))

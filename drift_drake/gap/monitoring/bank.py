@@ -125,6 +125,8 @@ class BankState(NamedTuple):
     p: np.ndarray  # [9, 9] covariance of the first car
     jacobian: np.ndarray  # [15, 9] of the first car's rates, at the last prediction
     commands: np.ndarray  # [rows kept, 2], newest last
+    reading: np.ndarray  # [9] last measurement
+    predicted: np.ndarray  # [9] what the first car predicted of it
 
 
 def make_bank(
@@ -161,7 +163,8 @@ def make_state(bank: Bank) -> BankState:
     """A state to be filled by `start`."""
     m, kept = len(bank.effects), int(np.ceil(bank.delays.max())) + 2
     return BankState(np.zeros((m, SIZE)), np.zeros((m, 2)), np.zeros((CORRECTED, CORRECTED)),
-                     np.zeros((SIZE + 2, CORRECTED)), np.zeros((kept, 2)))  # fmt: skip
+                     np.zeros((SIZE + 2, CORRECTED)), np.zeros((kept, 2)), np.zeros(MEASURED),
+                     np.zeros(MEASURED))  # fmt: skip
 
 
 @compiled
@@ -241,6 +244,7 @@ def _row(y: Any, used: Any, command: Any, bank: Any, state: Any, innovations: An
         rates_of(z, delta[-1], torque[-1], constants, effects, bank.wrenches[j], k)
         predict_measurement(z, k[SIZE], k[SIZE + 1], effects, predicted)
         if j == 0:
+            state.reading[:], state.predicted[:] = y, predicted
             _linearised(z, delta[-1], torque[-1], constants, effects, state.jacobian)
             measurement_matrix(effects, h)
             h[4, :n], h[5, :n] = state.jacobian[SIZE], state.jacobian[SIZE + 1]

@@ -7,7 +7,6 @@ judges (compare `gap.estimation.scores`, which does the same for a diagnosis of 
 
 import dataclasses
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,10 +15,10 @@ from drift_drake.car.effects.magnitudes import Effects
 from drift_drake.car.log.table import InvalidLogError, Run
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.car.sensors import NoiseLevels
-from drift_drake.common.errors import DriftDrakeError
-from drift_drake.common.plain_files import number, read_json
+from drift_drake.common.plain_files import number
 from drift_drake.gap.estimation.filter_state import CHANNELS
-from drift_drake.gap.monitoring.evidence import Sums, no_sums
+from drift_drake.gap.monitoring.events import InvalidBaselineScoresError
+from drift_drake.gap.monitoring.evidence import ALARM, Sums, no_sums
 from drift_drake.gap.monitoring.monitor import Monitor, make_monitor, row_taken
 from drift_drake.gap.monitoring.watch import WATCHED, monitor_of, rows_of
 
@@ -30,11 +29,6 @@ LEAST = 4  # blocks
 SAME_PERIOD = 0.02  # relative: scores of other rates scatter otherwise
 SAME_MAGNITUDE = 0.01
 LARGEST = 1e9
-REMEDY = "write it with 'drift-drake identify --json'"
-
-
-class InvalidBaselineScoresError(DriftDrakeError, ValueError):
-    """A calibration that nothing can be watched with; the message names the file and the remedy."""
 
 
 def block_sums(monitor: Monitor, run: Run) -> list[Sums]:
@@ -100,21 +94,16 @@ def learn_baseline_scores(runs: Sequence[Run], vehicle: VehicleParameters, own: 
     return BaselineScores(runs[0].period, levels, nodes_of(monitor), with_baseline_scores(monitor, runs).problem.excess)
 
 
-def calibrated_monitor(scores: BaselineScores, run: Run, vehicle: VehicleParameters, own: Effects) -> Monitor:
+def calibrated_monitor(
+    scores: BaselineScores, run: Run, vehicle: VehicleParameters, own: Effects, alarm: float = ALARM
+) -> Monitor:
     """The monitor of a calibrated car for a log of the same columns and rate.
 
     Raises:
         InvalidLogError: the log lacks a column of the calibration's logs, or has another rate;
         InvalidBaselineScoresError: the vehicle is not the one that was calibrated.
     """
-    missing = [name for name in scores.noise if run.column(name) is None]
-    if missing or run.tau_cmd is None:
-        lacking = ", ".join([*missing, *(["tau_cmd"] if run.tau_cmd is None else [])])
-        raise InvalidLogError(f"{run.name}: has no column {lacking}, which the calibration's logs had; add it")
-    if abs(run.period / scores.period - 1.0) > SAME_PERIOD:
-        raise InvalidLogError(
-            f"{run.name}: a row each {run.period:g} s, the calibration's logs one each {scores.period:g} s; resample it"
-        )
+    check_like(run, tuple(scores.noise), scores.period)
     monitor = make_monitor(vehicle, own, list(scores.noise), run.period, NoiseLevels(**scores.noise))
     (names, magnitudes), (own_names, own_magnitudes) = (zip(*n, strict=True) for n in (scores.nodes, nodes_of(monitor)))
     # A vehicle file rounds.
@@ -122,37 +111,28 @@ def calibrated_monitor(scores: BaselineScores, run: Run, vehicle: VehicleParamet
         raise InvalidBaselineScoresError(
             "the calibration's normal scores are of another vehicle file; give the two that one 'identify' wrote"
         )
-    return dataclasses.replace(monitor, problem=monitor.problem._replace(excess=scores.excess))
+    return dataclasses.replace(monitor, problem=monitor.problem._replace(excess=scores.excess), alarm=alarm)
+
+
+def check_like(run: Run, columns: Sequence[str], period: float) -> None:
+    """Checks that a log has the columns and the rate of a calibration's logs, and torque commands.
+
+    Raises:
+        InvalidLogError: it has not.
+    """
+    missing = [name for name in columns if run.column(name) is None]
+    if missing or run.tau_cmd is None:
+        lacking = ", ".join([*missing, *(["tau_cmd"] if run.tau_cmd is None else [])])
+        raise InvalidLogError(f"{run.name}: has no column {lacking}, which the calibration's logs had; add it")
+    if abs(run.period / period - 1.0) > SAME_PERIOD:
+        raise InvalidLogError(
+            f"{run.name}: a row each {run.period:g} s, the calibration's logs one each {period:g} s; resample it"
+        )
 
 
 def nodes_of(monitor: Monitor) -> tuple[tuple[str, float], ...]:
     """What the bank's cars have."""
     return tuple((node.name, node.magnitude) for node in monitor.problem.nodes)
-
-
-def read_baseline_scores(path: str | Path) -> BaselineScores:
-    """Reads them from a calibration's JSON.
-
-    Raises:
-        InvalidBaselineScoresError: unreadable, not JSON, without any, or not what `identify` writes.
-    """
-    return baseline_scores_of(read_json(path, InvalidBaselineScoresError, REMEDY), path)
-
-
-def baseline_scores_of(data: Any, path: str | Path) -> BaselineScores:
-    """The same from the JSON's content; `path`: what is named in errors."""
-    found = data.get("watching") if isinstance(data, dict) else None
-    if found is None:
-        raise InvalidBaselineScoresError(
-            f"{path}: has no normal scores to watch with: the logs it was made of had no torque commands, or less than "
-            f"8 s, or an older version wrote it; {REMEDY}, of logs with the column tau_cmd"
-        )
-    try:
-        return scores_from_data(found)
-    except (KeyError, TypeError, AttributeError):
-        raise InvalidBaselineScoresError(f"{path}: 'watching' is not what 'identify' writes; {REMEDY}") from None
-    except ValueError as error:
-        raise InvalidBaselineScoresError(f"{path}: watching: {error}; {REMEDY}") from None
 
 
 def scores_from_data(data: Mapping[str, Any]) -> BaselineScores:

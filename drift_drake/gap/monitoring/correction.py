@@ -23,8 +23,8 @@ from drift_drake.drive.mpc.plan import plan_size
 from drift_drake.drive.mpc.stopping import stopping_command, stopping_plan
 from drift_drake.drive.reference.trajectory import Reference
 from drift_drake.drive.screening.screen import ReadingKind
+from drift_drake.gap.monitoring.events import Watcher
 from drift_drake.gap.monitoring.evidence import ALARM, TRUSTED
-from drift_drake.gap.monitoring.monitor import Monitor
 
 GRIP_SHARE = 0.3  # of the tyres' friction that the tightest bend asks for at the safe pace
 PROBABLE = 0.5
@@ -69,14 +69,14 @@ class GapCorrection(LeafSystem):
     State in the Context, each period of the monitor: the correction.
     """
 
-    def __init__(self, monitor: Monitor) -> None:
+    def __init__(self, monitor: Watcher) -> None:
         LeafSystem.__init__(self)
         self._labels = monitor.labels
         self._posterior = self.DeclareVectorInputPort("posterior", len(self._labels))
         self._magnitude = self.DeclareVectorInputPort("magnitude", 3)
         self._measured = self.DeclareVectorInputPort("measured_state", len(MEASURED_STATE))
         self._held = self.DeclareDiscreteState(np.zeros(COUNT))
-        declare_update(self, monitor.bank.period, self._update)
+        declare_update(self, monitor.period, self._update)
         held = self.discrete_state_ticket(self._held)
         self.DeclareStateOutputPort("correction", self._held)
         self.DeclareVectorOutputPort("effects", COUNT, self._calc_effects, prerequisites_of_calc={held})

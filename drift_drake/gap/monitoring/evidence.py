@@ -16,11 +16,8 @@ from drift_drake.car.effects.catalogue import CATALOGUE, LIMITS
 from drift_drake.gap.estimation.prior import TWO_SIDED
 from drift_drake.gap.evidence.posterior import NONE, UNKNOWN
 from drift_drake.gap.monitoring.bank import FORCES, Node
+from drift_drake.gap.monitoring.history import History, newest, since, until
 
-LEVELS = 7  # lengths 1, 2, ..., 64 blocks
-LONGEST = 2.0 ** (LEVELS - 1)
-KEPT = 3  # of a length: then two of them are joined
-SLOTS = 2 * ((KEPT - 1) * LEVELS + 1)  # on both sides of an edge
 HAZARD = 1.0 / 600.0  # [1/s] of a change
 GAP_AT_START = 0.1  # probability that the simulator lacks something from the first row on
 NONE_OF_THE_CATALOGUE = 0.1  # probability that a change is
@@ -29,9 +26,22 @@ AMPLITUDE_OF_UNKNOWN = 1.0  # of each node in an unknown gap, one standard devia
 RIDGE = 1e-3  # of a score's variance: no signature is exact to more than that
 RECENT = 1.5  # [s]
 TRUSTED = 0.5  # probability of none, from which on the simulator may be believed
-ALARM = 0.05  # probability of none, below which a change is reported
+FALSE_ALARMS = 0.3  # an hour, that a user who asks for none gets
 NAMED = 0.8  # probability, from which on a cause is
-REFUTED = -5.0  # [nats] of an effect against none, below which it has ended
+
+
+def alarm_at(false_alarms: float) -> float:
+    """Probability of none below which a change is reported, at a rate of false alarms [1/h].
+
+    The posterior odds of a change are the hazard times the statistic of Shiryaev and Roberts, the sum over onsets of
+    likelihood ratios. Less the time that has passed, that is a martingale while nothing changes, so that a threshold
+    of A seconds is not passed more often than once in A seconds in the mean (Pollak 1985).
+    """
+    return float(1.0 / (1.0 + HAZARD * 3600.0 / false_alarms))
+
+
+ALARM = alarm_at(FALSE_ALARMS)
+REFUTED = -float(np.log(3600.0 / FALSE_ALARMS))  # [nats] of an effect against none, below which it has ended
 
 
 class Sums(NamedTuple):
@@ -48,131 +58,10 @@ class Sums(NamedTuple):
     information: np.ndarray  # [n, n]
 
 
-class History(NamedTuple):
-    """Blocks of the last half minute, newest first, the longer the older they are, and what came before them.
-
-    Two blocks of each length 1, 2, 4, ... are kept; of three, the two oldest are joined (Datar et al. 2002). So memory
-    is bounded, and a change may have begun at any block's edge.
-    """
-
-    lengths: np.ndarray  # [SLOTS] in blocks, 0 where there is none
-    blocks: Sums  # [SLOTS, ...]
-    before: Sums  # of all that is older
-
-
 def no_sums(n: int, *leading: int) -> Sums:
     """Zeros."""
     rows, energy, freedom = (np.zeros(leading) for _ in range(3))
     return Sums(rows, energy, freedom, np.zeros((*leading, n)), np.zeros((*leading, n, n)))
-
-
-def no_history(n: int) -> History:
-    """Nothing yet, of n nodes."""
-    return History(np.zeros(SLOTS), no_sums(n, SLOTS), no_sums(n))
-
-
-def with_block(history: History, block: Sums, forgetting: float, edge: float) -> History:
-    """The history after one more block.
-
-    Args:
-        forgetting: factor on what came before, when a block joins it;
-        edge: age [blocks] before this block since which the car is another one; no block reaches across it, and none
-            joins what came before. 0: it is the same.
-    """
-    kept = history.lengths[history.lengths > 0.0]
-    lengths = [1.0, *kept]
-    blocks = [block, *(Sums(*(a[i] for a in history.blocks)) for i in range(len(kept)))]
-    before = history.before
-    newer = 1 + int(np.count_nonzero(np.cumsum(kept) <= edge + 0.5)) if edge > 0.0 else len(lengths)
-    _joined(lengths, blocks, newer)
-    if edge == 0.0 and np.count_nonzero(np.array(lengths) >= LONGEST) >= KEPT:
-        lengths.pop()
-        before = Sums(*(forgetting * a + b for a, b in zip(before, blocks.pop(), strict=True)))
-    return History(_filled(lengths), _stacked(blocks, history.blocks), before)
-
-
-def _joined(lengths: list[float], blocks: list[Sums], newer: int) -> None:
-    """Joins, in place, the two oldest neighbours of a length of which there are too many, among the `newer` first.
-
-    The longest ones are joined only where the slots would run out.
-    """
-    length = 1.0
-    while length < LONGEST or len(lengths) > SLOTS:
-        same = [i for i in range(newer) if lengths[i] == length or (lengths[i] > length >= LONGEST)]
-        pairs = [i for i in same if i + 1 in same]
-        if len(same) >= KEPT and pairs:
-            first = pairs[-1]
-            blocks[first] = Sums(*(a + b for a, b in zip(blocks[first], blocks.pop(first + 1), strict=True)))
-            lengths[first] += lengths.pop(first + 1)
-            newer -= 1
-        elif length >= LONGEST:
-            break
-        length = min(2.0 * length, LONGEST)
-
-
-def newest(history: History, blocks: float, edge: float) -> History:
-    """The history with only so many of its last blocks (whole slots); what is older than the edge came before them.
-
-    What lies between is left out: there the car was another one.
-    """
-    ages = np.cumsum(history.lengths)
-    there = history.lengths > 0.0
-    count = int(np.count_nonzero(there & (ages <= blocks)))
-    old = there & (ages > edge + 0.5)
-    before = Sums(*(b + a[old].sum(axis=0) for b, a in zip(history.before, history.blocks, strict=True)))
-    sums = [Sums(*(a[i] for a in history.blocks)) for i in range(count)]
-    lengths = [float(length) for length in history.lengths[:count]]
-    return History(_filled(lengths), _stacked(sums, history.blocks), before)
-
-
-def since(history: History) -> tuple[np.ndarray, Sums]:
-    """Ages [m] in blocks, and the sums from each until now [m, ...], youngest first."""
-    count = int(np.count_nonzero(history.lengths))
-    return np.cumsum(history.lengths[:count]), Sums(*(np.cumsum(a[:count], axis=0) for a in history.blocks))
-
-
-def until(history: History) -> Sums:
-    """The sums of all that is older than each of those ages [m, ...]."""
-    _, sums = since(history)
-    return Sums(*(before + a[-1] - a for before, a in zip(history.before, sums, strict=True)))
-
-
-def _filled(lengths: list[float]) -> np.ndarray:
-    return np.array([*lengths, *([0.0] * (SLOTS - len(lengths)))])
-
-
-def _stacked(blocks: list[Sums], like: Sums) -> Sums:
-    out = Sums(*(np.zeros_like(a) for a in like))
-    for i, block in enumerate(blocks):
-        for a, b in zip(out, block, strict=True):
-            a[i] = b
-    return out
-
-
-def packed(history: History) -> np.ndarray:
-    """All numbers in one vector, of each symmetric matrix its lower half."""
-    lower = np.tril_indices(history.before.score.size)
-    parts = [history.lengths]
-    for sums in (history.blocks, history.before):
-        parts += [*(a.ravel() for a in sums[:4]), sums.information[..., lower[0], lower[1]].ravel()]
-    return np.concatenate(parts)
-
-
-def unpacked(vector: np.ndarray, n: int) -> History:
-    """The inverse of `packed`."""
-    lower, at = np.tril_indices(n), SLOTS
-    found = []
-    for leading in ((SLOTS,), ()):
-        count, parts = int(np.prod(leading)), []
-        for shape in ((), (), (), (n,), (n * (n + 1) // 2,)):
-            size = int(np.prod(shape))
-            parts.append(vector[at : at + count * size].reshape((*leading, *shape)))
-            at += count * size
-        information = np.zeros((*leading, n, n))
-        information[..., lower[0], lower[1]] = parts[4]
-        information[..., lower[1], lower[0]] = parts[4]
-        found.append(Sums(parts[0], parts[1], parts[2], parts[3], information))
-    return History(vector[:SLOTS], *found)
 
 
 class EvidenceProblem(NamedTuple):
@@ -198,6 +87,7 @@ class Verdict(NamedTuple):
     high: float
     age: float  # [s] since the change
     edge: float  # [blocks] the most probable of the ages
+    shown: np.ndarray  # [n] standard deviations that an amplitude of one shifts the scores by, at the best of the ages
 
 
 def evidence_problem(nodes: Sequence[Node], tolerance: np.ndarray) -> EvidenceProblem:
@@ -240,32 +130,62 @@ def whitened(problem: EvidenceProblem, recent: Sums, older: Sums) -> tuple[np.nd
     return both[:, :, 0], both[:, :, 1:]
 
 
-def verdict_of(problem: EvidenceProblem, history: History, block: float) -> Verdict:
+def nothing_seen(problem: EvidenceProblem) -> Verdict:
+    """The verdict before there is anything to judge."""
+    p = np.zeros(len(problem.names) + 2)
+    p[0], nan = 1.0, float("nan")
+    return Verdict(p, nan, nan, nan, nan, 0.0, np.zeros(len(problem.nodes)))
+
+
+def verdict_of(problem: EvidenceProblem, history: History[Sums], block: float) -> Verdict:
     """The posterior at the end of a history of blocks of `block` seconds."""
     ages, recent = since(history)
     if not len(ages):
-        p = np.zeros(len(problem.names) + 2)
-        p[0] = 1.0
-        return Verdict(p, np.nan, np.nan, np.nan, np.nan, 0.0)
+        return nothing_seen(problem)
     w, m = whitened(problem, recent, until(history))
-    a, b = np.einsum("mij,mij->mj", m, m), np.einsum("mij,mi->mj", m, w)
-    mean, deviation, signed = problem.mean, problem.deviation, problem.signed
-    explained = 0.5 * b**2 / np.maximum(a, 1e-12) * (signed | (b > 0.0))
+    begun = np.log(HAZARD * np.diff(ages, prepend=0.0) * block)
+    if not np.any(history.before.rows):
+        begun[-1] = np.logaddexp(begun[-1], np.log(GAP_AT_START))
+    return concluded(problem, w, m, begun, ages, block)
+
+
+def concluded(
+    problem: EvidenceProblem, w: np.ndarray, m: np.ndarray, begun: np.ndarray, ages: np.ndarray, block: float
+) -> Verdict:
+    """The posterior from whitened scores, whose mean is m times the amplitudes of the nodes.
+
+    Args:
+        w, m: of each age [m, s], [m, s, n]; begun: log prior odds that a change began at each age [m]; ages: [blocks].
+    """
+    b = np.einsum("mij,mi->mj", m, w)
+    explained = 0.5 * b**2 / np.maximum(squares(m), 1e-12) * (problem.signed | (b > 0.0))
     temper = 1.0 + 2.0 * SHAPE_ERROR**2 * float(np.max(explained)) / len(problem.nodes)
-    a, b = a / temper, b / temper
+    log_factor, amplitude, precision = amplitudes(problem, squares(m) / temper, b / temper)
+    joint = begun[:, None] + log_factor + problem.log_prior + np.log(1.0 - NONE_OF_THE_CATALOGUE)
+    unknown = begun + _unknown(m, w, temper) + np.log(NONE_OF_THE_CATALOGUE)
+    found = _verdict(problem, joint, unknown, amplitude, precision, ages, block)
+    return found._replace(shown=np.sqrt(np.max(squares(m), axis=0)))
+
+
+def squares(m: np.ndarray) -> np.ndarray:
+    """Squared shifts [m, n] of whitened scores by amplitudes of one [m, s, n]."""
+    return np.asarray(np.einsum("mij,mij->mj", m, m))
+
+
+def amplitudes(problem: EvidenceProblem, a: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Log evidence of each node against no change, and its amplitude's mode and precision [m, n].
+
+    Args:
+        a, b: curvature and slope of the log likelihood by the amplitude, at zero [m, n].
+    """
+    mean, deviation = problem.mean, problem.deviation
     precision = a + 1.0 / deviation**2
     amplitude = (b + mean / deviation**2) / precision
     log_factor = (
         0.5 * amplitude**2 * precision - 0.5 * (mean / deviation) ** 2 - 0.5 * np.log(precision * deviation**2)
-        + np.where(signed, 0.0, log_ndtr(amplitude * np.sqrt(precision)) - log_ndtr(mean / deviation))
+        + np.where(problem.signed, 0.0, log_ndtr(amplitude * np.sqrt(precision)) - log_ndtr(mean / deviation))
     )  # fmt: skip
-    unknown = _unknown(m, w, temper)
-    spans = np.diff(ages, prepend=0.0) * block
-    begun = np.log(HAZARD * spans)
-    if not np.any(history.before.rows):
-        begun[-1] = np.logaddexp(begun[-1], np.log(GAP_AT_START))
-    joint = begun[:, None] + log_factor + problem.log_prior + np.log(1.0 - NONE_OF_THE_CATALOGUE)
-    return _verdict(problem, joint, begun + unknown + np.log(NONE_OF_THE_CATALOGUE), amplitude, precision, ages, block)
+    return log_factor, amplitude, precision
 
 
 def _unknown(m: np.ndarray, w: np.ndarray, temper: float) -> np.ndarray:
@@ -290,7 +210,8 @@ def _verdict(
     leading = int(np.argmax(by_effect))
     if by_effect[leading] == 0.0:  # nothing but unknown counts
         nan = float("nan")
-        return Verdict(p, nan, nan, nan, float(other @ ages / other.sum()) * block, float(ages[np.argmax(other)]))
+        age, edge = float(other @ ages / other.sum()) * block, float(ages[np.argmax(other)])
+        return Verdict(p, nan, nan, nan, age, edge, np.zeros(0))
     own = np.flatnonzero(problem.member[:, leading])
     share = weight[:, own] / by_effect[leading]
     nodes = [problem.nodes[i] for i in own]
@@ -300,7 +221,7 @@ def _verdict(
     half = TWO_SIDED * float(np.sqrt(np.sum(share * (spread**2 + (q - mean) ** 2))))
     by_age = share.sum(axis=1) if other.sum() < by_effect[leading] else other / other.sum()
     edge = float(ages[int(np.argmax(by_age))])
-    return Verdict(p, mean, mean - half, mean + half, float(by_age @ ages) * block, edge)
+    return Verdict(p, mean, mean - half, mean + half, float(by_age @ ages) * block, edge, np.zeros(0))
 
 
 def labels(problem: EvidenceProblem) -> tuple[str, ...]:
@@ -308,7 +229,9 @@ def labels(problem: EvidenceProblem) -> tuple[str, ...]:
     return (NONE, *problem.names, UNKNOWN)
 
 
-def renewed(problem: EvidenceProblem, history: History, verdict: Verdict, block: float) -> tuple[History, Verdict]:
+def renewed(
+    problem: EvidenceProblem, history: History[Sums], verdict: Verdict, block: float
+) -> tuple[History[Sums], Verdict]:
     """The history that counts, and the verdict on it, after a verdict that the car has changed.
 
     Once the last moments are normal, though the effect that was named would have shown in them, the change is over.
@@ -326,7 +249,7 @@ def renewed(problem: EvidenceProblem, history: History, verdict: Verdict, block:
     return history, verdict
 
 
-def _nats(problem: EvidenceProblem, recent: History, verdict: Verdict) -> float:
+def _nats(problem: EvidenceProblem, recent: History[Sums], verdict: Verdict) -> float:
     """Log likelihood of the leading effect with its magnitude against none, of a recent history."""
     _, sums = since(recent)
     w, m = (a[-1] for a in whitened(problem, sums, until(recent)))

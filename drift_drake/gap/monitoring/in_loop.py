@@ -16,10 +16,10 @@ from drift_drake.common.updates import declare_update
 from drift_drake.drive.loop.watch import LoopPorts, Watched
 from drift_drake.drive.reference.trajectory import Reference
 from drift_drake.gap.estimation.filter_state import CHANNELS
-from drift_drake.gap.monitoring.bank import BankState
 from drift_drake.gap.monitoring.correction import GapCorrection, SlowDown
-from drift_drake.gap.monitoring.evidence import TRUSTED, Sums
-from drift_drake.gap.monitoring.monitor import Events, Monitor, State, after_row
+from drift_drake.gap.monitoring.events import Events, Watcher
+from drift_drake.gap.monitoring.evidence import TRUSTED
+from drift_drake.gap.monitoring.watch import Told
 
 _MEASURED = [CHANNELS.index(name) for name in ("r", "v", "beta", "omega_r")]
 _FURTHER = {name: LOG_ROW.index(name) for name in ("psi", "ax", "ay")}
@@ -40,25 +40,24 @@ class GapMonitor(LeafSystem):
         command [2]: (delta [rad], tau [N m]) in force.
         log_row [10] (optional): `sensors.LOG_ROW`, of which psi, ax and ay are used where the monitor uses them.
 
-    Output ports, new every 0.1 s and held in between:
+    Output ports, new with every verdict (each 0.1 s, or with every window) and held in between:
         posterior: probabilities of `monitor.labels`: none, each effect, unknown.
         magnitude [3]: of the leading effect, and its 95 % interval; in the catalogue's unit.
         onset [1]: time of the change [s], NaN while none is more probable.
         trusted [1]: 1 while the simulator may be believed (none at 0.5 or more), else 0.
 
-    State in the Context, all discrete, each period of the monitor: a `monitor.State`, one group an array.
+    State in the Context, all discrete, each period of the monitor: its `State`, one group an array.
     """
 
-    def __init__(self, monitor: Monitor) -> None:
+    def __init__(self, monitor: Watcher) -> None:
         LeafSystem.__init__(self)
         self.monitor = monitor
         self._measured = self.DeclareVectorInputPort("measured_state", len(MEASURED_STATE))
         self._command = self.DeclareVectorInputPort("command", 2)
         self._log_row = self.DeclareVectorInputPort("log_row", len(LOG_ROW))
-        arrays = _arrays(monitor.start())
-        self._shapes = [a.shape for a in arrays]
-        self._groups = [self.DeclareDiscreteState(a.ravel()) for a in arrays]
-        declare_update(self, monitor.bank.period, self._update)
+        self._start = monitor.start()
+        self._groups = [self.DeclareDiscreteState(a.ravel()) for a in arrays_of(self._start)]
+        declare_update(self, monitor.period, self._update)
         verdict = {self.discrete_state_ticket(self._groups[-1])}
         for name, size, calc in (
             ("posterior", len(monitor.labels), lambda context: self.state(context).verdict[:-4]),
@@ -71,10 +70,9 @@ class GapMonitor(LeafSystem):
                 prerequisites_of_calc=verdict,
             )  # fmt: skip
 
-    def state(self, context: Context) -> State:
-        """The state in a Context of this system."""
-        groups = zip(self._groups, self._shapes, strict=True)
-        return _state([context.get_discrete_state(group).value().reshape(shape) for group, shape in groups])
+    def state(self, context: Context) -> Any:
+        """The monitor's state in a Context of this system."""
+        return rebuilt(self._start, (context.get_discrete_state(group).value() for group in self._groups))
 
     def _update(self, context: Context, discrete: DiscreteValues) -> None:
         y = np.full(len(CHANNELS), np.nan)
@@ -84,8 +82,8 @@ class GapMonitor(LeafSystem):
             for name, at in _FURTHER.items():
                 y[CHANNELS.index(name)] = row[at]
         before = self.state(context)
-        after = after_row(self.monitor, before, y, np.array(self._command.Eval(context)), context.get_time())
-        for group, new, old in zip(self._groups, _arrays(after), _arrays(before), strict=True):
+        after = self.monitor.after_row(before, y, np.array(self._command.Eval(context)), context.get_time())
+        for group, new, old in zip(self._groups, arrays_of(after), arrays_of(before), strict=True):
             if new is not old:
                 discrete.set_value(group, new.ravel())
 
@@ -96,16 +94,16 @@ class GapMonitor(LeafSystem):
         return [np.nan if self._trusted(context) else float(self.state(context).verdict[-1])]
 
 
-def _arrays(state: State) -> list[np.ndarray]:
-    """All arrays of a state, in the order of the Context's groups."""
-    return [state.clock, *state.bank, *(np.atleast_1d(a) for a in state.block), state.history, state.verdict]
+def arrays_of(state: Any) -> list[np.ndarray]:
+    """All arrays of a monitor's state, named tuples of named tuples of arrays, in the order of the Context's groups."""
+    return [array for part in state for array in arrays_of(part)] if isinstance(state, tuple) else [np.asarray(state)]
 
 
-def _state(arrays: list[np.ndarray]) -> State:
-    """The inverse of `_arrays`."""
-    clock, *rest = arrays
-    bank, block = BankState(*rest[:5]), Sums(*(a[0] for a in rest[5:8]), *rest[8:10])
-    return State(clock, bank, block, rest[10], rest[11])
+def rebuilt(like: Any, arrays: Iterator[np.ndarray]) -> Any:
+    """The inverse of `arrays_of`; like: a state of the same shapes."""
+    if isinstance(like, tuple):
+        return type(like)(*(rebuilt(part, arrays) for part in like))
+    return next(arrays).reshape(np.shape(like))
 
 
 class GapWatch:
@@ -115,7 +113,7 @@ class GapWatch:
         policy: see `Policy`; a correction needs an `EffectsStepModel` as the controller's model.
     """
 
-    def __init__(self, monitor: Monitor, policy: Policy = "watch") -> None:
+    def __init__(self, monitor: Watcher, policy: Policy = "watch") -> None:
         self.monitor, self.policy = monitor, policy
 
     @property
@@ -171,17 +169,17 @@ def logged_ports(system: GapMonitor) -> dict[str, tuple[OutputPort, Sequence[str
     }
 
 
-def verdicts_of(monitor: Monitor, table: pd.DataFrame) -> Iterator[tuple[float, np.ndarray, list[dict[str, Any]]]]:
-    """The monitor's verdicts during a run, from its table: times [s], verdicts (`monitor.State`), and their events."""
+def verdicts_of(monitor: Watcher, table: pd.DataFrame) -> Iterator[Told]:
+    """What the monitor said during a run, from its table."""
     columns = [f"{PREFIX}{name}" for name in (*monitor.labels, *FURTHER, "onset")]
     rows = table[columns].to_numpy()
     new = np.flatnonzero(np.any(np.diff(rows[:, : len(monitor.labels)], axis=0) != 0.0, axis=1)) + 1
     reported = Events()
     for i in new:
         reported, events = reported.after(monitor, rows[i], float(table["t"].iloc[i]))
-        yield float(table["t"].iloc[i]), rows[i], events
+        yield Told(float(table["t"].iloc[i]), rows[i], events, monitor.start().seen)
 
 
-def events_of(monitor: Monitor, table: pd.DataFrame) -> list[dict[str, Any]]:
+def events_of(monitor: Watcher, table: pd.DataFrame) -> list[dict[str, Any]]:
     """The events of a run, from its table."""
-    return [event for _, _, events in verdicts_of(monitor, table) for event in events]
+    return [event for told in verdicts_of(monitor, table) for event in told.events]

@@ -5,14 +5,15 @@ import time
 from collections import deque
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import jinja2
 import numpy as np
 
 from drift_drake.common.safe_files import write_text
 from drift_drake.gap.evidence.posterior import UNKNOWN
-from drift_drake.gap.monitoring.monitor import sentence
+from drift_drake.gap.monitoring.events import SIGNALS, sentence
+from drift_drake.gap.monitoring.watch import Told
 from drift_drake.view.pages.policy import with_policy
 
 TEMPLATE = Path(__file__).with_name("live_page.html")
@@ -24,7 +25,27 @@ EACH = 1.0  # [s] between two writings, at least
 NONE_COLOUR, OTHER_COLOUR, UNKNOWN_COLOUR = "#009e73", "#bbbbbb", "#d55e00"
 COLOURS = ("#0072b2", "#e69f00", "#cc79a7", "#56b4e9")
 
-Verdict = tuple[float, np.ndarray, list[dict[str, Any]]]
+UNITS = {"r": "rad/s", "v": "m/s", "beta": "rad", "omega_r": "m/s"}
+
+
+class Drawn(NamedTuple):
+    """What is drawn of one verdict."""
+
+    t: float  # [s]
+    p: np.ndarray  # probabilities in the order of the labels
+    signals: np.ndarray  # [2, SIGNALS] measured and predicted
+
+
+@dataclasses.dataclass(frozen=True)
+class SignalLines:
+    """One signal of the page."""
+
+    name: str
+    unit: str
+    low: float
+    high: float
+    measured: str  # points of SVG lines
+    predicted: str
 
 
 @dataclasses.dataclass(frozen=True)
@@ -37,52 +58,67 @@ class Band:
     last: float  # probability now
 
 
-def shown_while(
-    verdicts: Iterable[Verdict], path: Path, name: str, labels: Sequence[str], live: bool
-) -> Iterator[Verdict]:
+def shown_while(verdicts: Iterable[Told], path: Path, name: str, labels: Sequence[str], live: bool) -> Iterator[Told]:
     """Hands verdicts (`watch.watched`) on and keeps a page of them: `live`, at most once a second; else at the end.
 
     Raises:
         OutputError: the page cannot be written.
     """
-    kept: deque[tuple[float, np.ndarray]] = deque(maxlen=LONGEST)
+    kept: deque[Drawn] = deque(maxlen=LONGEST)
     events, written = list[dict[str, Any]](), -np.inf
     try:
-        for t, verdict, new in verdicts:
-            kept.append((t, verdict[: len(labels)]))
-            events += new
+        for told in verdicts:
+            kept.append(Drawn(told.t, told.verdict[: len(labels)], told.seen.signals))
+            events += told.events
             if live and time.monotonic() - written >= EACH:
                 write_text(path, page(name, labels, kept, events, live))
                 written = time.monotonic()
-            yield t, verdict, new
+            yield told
     finally:  # a watch that is broken off leaves no page that still waits for it
         write_text(path, page(name, labels, kept, events, False))
 
 
 def page(
-    name: str, labels: Sequence[str], verdicts: Sequence[tuple[float, np.ndarray]] | deque[tuple[float, np.ndarray]],
+    name: str, labels: Sequence[str], verdicts: Sequence[Drawn] | deque[Drawn],
     events: Sequence[Mapping[str, Any]], live: bool,
 ) -> str:  # fmt: skip
-    """The page's HTML; verdicts: times [s] and probabilities in the order of `labels`."""
+    """The page's HTML; verdicts: probabilities in the order of `labels`, and signals."""
     every = max(len(verdicts) // POINTS, 1)
     rows = list(verdicts)[::-1][::every][::-1]  # the newest stays
-    t = np.array([row[0] for row in rows])
-    p = np.array([row[1] for row in rows]).reshape(len(t), len(labels))
+    t = np.array([row.t for row in rows])
+    p = np.array([row.p for row in rows]).reshape(len(t), len(labels))
     start, end = (float(t[0]), float(t[-1])) if len(t) else (0.0, 0.0)
     x = np.zeros(len(t)) if end == start else (t - start) / (end - start) * len(t)
     marks = [(event["t"] - start) / (end - start) * len(t) for event in events if end > start and event["t"] >= start]
     last = events[-1] if events else None
-    changed = last is not None and last["event"] != "over"
+    of_a_change = [event["event"] for event in events if event["event"] in ("change", "cause", "over")]
+    changed = bool(of_a_change) and of_a_change[-1] != "over"
     now = sentence(last) if last is not None else f"{end:.1f} s: nothing has changed"
     environment = jinja2.Environment(
         loader=jinja2.FileSystemLoader(TEMPLATE.parent), autoescape=True, undefined=jinja2.StrictUndefined
     )
     html = environment.get_template(TEMPLATE.name).render(
         name=name, live=live, now=now, changed=changed, width=max(len(t), 1), bands=bands(labels, x, p), start=start,
+        traces=traces(x, np.array([row.signals for row in rows]).reshape(len(t), 2, len(SIGNALS))),
         end=end, marks=[f"{mark:.2f}" for mark in marks], events=[sentence(event) for event in events[-EVENTS:]],
         written=time.time(), clock=time.strftime("%Y-%m-%d %H:%M:%S"),
     )  # fmt: skip
     return with_policy(html)
+
+
+def traces(x: np.ndarray, signals: np.ndarray) -> list[SignalLines]:
+    """Signals as measured and as predicted [n, 2, SIGNALS] at x [n]."""
+    out = list[SignalLines]()
+    for i, name in enumerate(SIGNALS):
+        values = signals[:, :, i]
+        known = np.isfinite(values).all(axis=1)
+        if not known.any():
+            continue
+        low, high = float(values[known].min()), float(values[known].max())
+        y = 100.0 * (high - values[known]) / max(high - low, 1e-9)
+        lines = [" ".join(f"{a:.1f},{b:.1f}" for a, b in zip(x[known], y[:, k], strict=True)) for k in range(2)]
+        out.append(SignalLines(name, UNITS[name], low, high, *lines))
+    return out
 
 
 def bands(labels: Sequence[str], x: np.ndarray, p: np.ndarray) -> list[Band]:

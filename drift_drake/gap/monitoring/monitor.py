@@ -1,8 +1,8 @@
 """The monitor as plain functions: one row in, and every tenth of a second a verdict out."""
 
 import dataclasses
-from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple
+from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -12,29 +12,25 @@ from drift_drake.car.log.driving import slowest
 from drift_drake.car.log.plausible import ABSURD
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.car.sensors import NoiseLevels
-from drift_drake.common.errors import unit_suffix
 from drift_drake.gap.estimation.filter_state import CHANNELS
 from drift_drake.gap.estimation.problem import PROCESS_NOISE
 from drift_drake.gap.estimation.reduction import STATES
-from drift_drake.gap.evidence.posterior import UNKNOWN
 from drift_drake.gap.monitoring import bank as filters
 from drift_drake.gap.monitoring.bank import Bank, BankState, Node, allowance, gated_row, make_bank, make_nodes, on_bank
+from drift_drake.gap.monitoring.events import SIGNALS, SoFar, nothing_seen
 from drift_drake.gap.monitoring.evidence import (
     ALARM,
-    NAMED,
     TRUSTED,
     EvidenceProblem,
     Sums,
     evidence_problem,
     labels,
-    no_history,
     no_sums,
-    packed,
     renewed,
-    unpacked,
     verdict_of,
-    with_block,
+    whitened,
 )
+from drift_drake.gap.monitoring.history import History, no_history, of_parts, since, until, with_block
 
 BLOCK = 0.1  # [s] between verdicts
 SETTLING = 0.35  # [s] after the first row that do not count: commands before it are unknown
@@ -44,7 +40,6 @@ FORGETTING = 0.8  # of what came before, each time that 6.4 s join it
 TOLERANCES = {name: info.tolerance for name, info in CATALOGUE.items() if info.tolerance}
 TOLERANCES["wheel_radius_error"] = "wheel_radius"  # the rim speed is logged with the radius that the file states
 SPIN = 1.2  # [rad]
-PERSISTS, UNKNOWN_PERSISTS = 5, 20  # verdicts in a row that a cause must lead with it: right after a change few fit
 
 
 class State(NamedTuple):
@@ -54,7 +49,8 @@ class State(NamedTuple):
     # and rows that may be left out
     bank: BankState
     block: Sums
-    history: np.ndarray  # `evidence.packed`
+    history: History[Sums]
+    seen: SoFar
     verdict: np.ndarray  # posterior; magnitude and interval of the leading effect; time of the change [s]
 
 
@@ -66,6 +62,17 @@ class Monitor:
     used: np.ndarray  # [9] channels
     problem: EvidenceProblem
     slowest: float  # [m/s] below which the equations are not judged
+    alarm: float = ALARM  # probability of none below which a change is reported
+
+    @property
+    def period(self) -> float:
+        """Between rows [s]."""
+        return self.bank.period
+
+    @property
+    def block(self) -> float:
+        """Between verdicts [s]."""
+        return BLOCK
 
     @property
     def labels(self) -> tuple[str, ...]:
@@ -77,7 +84,31 @@ class Monitor:
         n = len(self.problem.nodes)
         p = np.zeros(len(self.labels) + 4)
         p[0], p[-4:] = 1.0, np.nan
-        return State(np.zeros(4), filters.make_state(self.bank), no_sums(n), packed(no_history(n)), p)
+        nothing = no_sums(n)
+        return State(np.zeros(4), filters.make_state(self.bank), nothing, no_history(nothing), nothing_seen(n), p)
+
+    def after_row(self, state: State, y: np.ndarray, command: np.ndarray, t: float, road: float = 0.0) -> State:
+        """See `events.Watcher`."""
+        return after_row(self, state, y, command, t, road)
+
+    def at_edge(self, state: State) -> tuple[np.ndarray, np.ndarray] | None:
+        """See `events.Watcher`."""
+        ages, recent = since(state.history)
+        edge = state.clock[2]
+        if edge == 0.0 or not len(ages):
+            return None
+        i = int(np.argmin(np.abs(ages - edge)))
+        w, m = whitened(
+            self.problem, *(of_parts(sums, by=lambda a: a[i : i + 1]) for sums in (recent, until(state.history)))
+        )
+        return w[0], m[0]
+
+    def judges(self) -> str:
+        """See `events.Watcher`."""
+        return (
+            f"the equations hold above {self.slowest:.2g} m/s and below {SPIN:g} rad of sideslip, and the filter needs "
+            "a third of a second"
+        )
 
 
 def seen(used: Sequence[str]) -> list[str]:
@@ -170,74 +201,12 @@ def _closed(monitor: Monitor, state: State, t: float) -> State:
     if state.block.rows == 0.0:
         return state._replace(clock=np.array([rows, 0.0, edge, left]))
     n = len(monitor.problem.nodes)
-    history = with_block(unpacked(state.history, n), state.block, FORGETTING, edge)
+    history = with_block(state.history, state.block, FORGETTING, edge)
     verdict = verdict_of(monitor.problem, history, BLOCK)
     if verdict.probabilities[0] < TRUSTED:
         history, verdict = renewed(monitor.problem, history, verdict, BLOCK)
     edge = verdict.edge if verdict.probabilities[0] < TRUSTED else 0.0
     values = np.concatenate([verdict.probabilities, [verdict.magnitude, verdict.low, verdict.high, t - verdict.age]])
-    return State(np.array([rows, 0.0, edge, left]), state.bank, no_sums(n), packed(history), values)
-
-
-@dataclasses.dataclass(frozen=True)
-class Events:
-    """What has been reported: whether there is a change, and which cause; and what is about to be."""
-
-    changed: bool = False
-    cause: str | None = None
-    candidate: str | None = None
-    count: int = 0  # verdicts in a row that name the candidate
-
-    def after(self, monitor: Monitor, verdict: np.ndarray, t: float) -> tuple["Events", list[dict[str, Any]]]:
-        """What has been reported after a verdict (`monitor.State`) at t [s], and what it adds, as plain data."""
-        p, new = verdict[:-4], list[dict[str, Any]]()
-        now = self
-        if now.changed and p[0] >= TRUSTED:
-            now, new = Events(), [{"t": t, "event": "over"}]
-        if not now.changed and p[0] < ALARM:
-            now = Events(True)
-            new.append({"t": t, "event": "change"} | details(monitor, verdict))
-        if now.changed:
-            leading = 1 + int(np.argmax(p[1:]))
-            name = monitor.labels[leading]
-            sure = p[leading] >= NAMED
-            now = Events(True, now.cause, name if sure else None, now.count * (name == now.candidate) + sure)
-            if now.count >= (UNKNOWN_PERSISTS if name == UNKNOWN else PERSISTS) and name != now.cause:
-                now = dataclasses.replace(now, cause=name)
-                new.append({"t": t, "event": "cause"} | details(monitor, verdict))
-        return now, [{key: _rounded(value) for key, value in event.items()} for event in new]
-
-
-def details(monitor: Monitor, verdict: np.ndarray) -> dict[str, Any]:
-    """The leading hypothesis that is not none: probability, magnitude, onset."""
-    p = verdict[:-4]
-    leading = 1 + int(np.argmax(p[1:]))
-    name, (q, low, high, onset) = monitor.labels[leading], verdict[-4:]
-    out = {"cause": name, "probability": p[leading], "none": p[0], "onset": onset}
-    if name == UNKNOWN:
-        return out
-    return out | {"magnitude": q, "low": low, "high": high, "unit": CATALOGUE[name].unit}
-
-
-def sentence(event: Mapping[str, Any]) -> str:
-    """An event in words."""
-    t = f"{event['t']:.1f} s:"
-    if event["event"] == "over":
-        return f"{t} the car agrees with the simulator again"
-    since = f"since {event['onset']:.1f} s"
-    if event["event"] == "change":
-        return f"{t} the car has changed {since}; the simulator is not valid for it ({_cause(event)})"
-    others = f"; or {', '.join(event['or'])}, which would look alike" if event.get("or") else ""
-    return f"{t} {_cause(event)}, {since}{others}"
-
-
-def _cause(event: Mapping[str, Any]) -> str:
-    if event["cause"] == UNKNOWN:
-        return f"unknown cause, probability {event['probability']:.2f}"
-    interval = f"95 %: {event['low']:.3g} to {event['high']:.3g}"
-    unit = unit_suffix(event["unit"])
-    return f"{event['cause']} {event['magnitude']:+.3g}{unit} ({interval}), probability {event['probability']:.2f}"
-
-
-def _rounded(value: Any) -> Any:
-    return float(f"{value:.6g}") if isinstance(value, float) else value
+    seen = SoFar(state.seen.time + np.array([BLOCK, 0.0, 0.0, 0.0]), np.maximum(state.seen.shown, verdict.shown),
+                np.stack([state.bank.reading, state.bank.predicted])[:, : len(SIGNALS)])  # fmt: skip
+    return State(np.array([rows, 0.0, edge, left]), state.bank, no_sums(n), history, seen, values)

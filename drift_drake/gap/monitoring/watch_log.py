@@ -4,33 +4,21 @@ import dataclasses
 import itertools
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
-from drift_drake.car.effects.magnitudes import Effects
-from drift_drake.car.given_vehicle import Vehicle, single_track_of, vehicle_given
+from drift_drake.car.given_vehicle import GivenVehicle, Vehicle, on_one_track, vehicle_given
 from drift_drake.car.log.table import InvalidLogError, Run, read_run
-from drift_drake.car.parameters import VehicleParameters
 from drift_drake.common.errors import InvalidOptionError
-from drift_drake.gap.monitoring.baseline_scores import (
-    BaselineScores,
-    baseline_scores_of,
-    calibrated_monitor,
-    read_baseline_scores,
-)
-from drift_drake.gap.monitoring.monitor import BLOCK, SPIN, Monitor
-from drift_drake.gap.monitoring.watch import (
-    Row,
-    as_rows,
-    growing_lines,
-    growing_rows,
-    head_of,
-    monitor_of,
-    on_the_clock,
-    rows_of,
-    watched,
-)
+from drift_drake.gap.monitoring import shown
+from drift_drake.gap.monitoring.baselines import Baseline, OfPrediction, baseline_given, calibrated_watcher
+from drift_drake.gap.monitoring.events import SoFar, Watcher
+from drift_drake.gap.monitoring.evidence import FALSE_ALARMS, alarm_at
+from drift_drake.gap.monitoring.follow import Tail, as_rows, growing_rows, head_of, on_the_clock
+from drift_drake.gap.monitoring.watch import Row, monitor_of, rows_of, watched
 
 Event = dict[str, Any]
+MOST_ALARMS = 60.0  # [1/h] that can be asked for
+OF_A_CHANGE = ("change", "cause", "over")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -38,24 +26,54 @@ class WatchedDrive:
     """What has changed during a drive: events in the order of time, and how much could be judged [s]."""
 
     events: list[Event]
-    judged: float
-    monitor: Monitor
+    monitor: Watcher
+    seen: SoFar
+    t: float  # of the last verdict [s]
+
+    @property
+    def judged(self) -> float:
+        """Time that could be judged [s]."""
+        return float(self.seen.time[0])
+
+    @property
+    def not_judged(self) -> float:
+        """Time that was driven harder than the calibration was [s]."""
+        return float(self.seen.time[1])
+
+    @property
+    def limits(self) -> dict[str, float | None]:
+        """By effect the magnitude from which on the drive would have shown a change (`shown.least_shown`)."""
+        return shown.least_shown(self.monitor.problem, self.seen.shown, self.monitor.block, self.monitor.alarm)
 
     def sentence(self) -> str:
-        """That nothing has changed, or that nothing could be judged; empty where there are events."""
-        if self.events:
+        """That nothing has changed, or that nothing could be judged; empty where there are changes."""
+        if any(event["event"] in OF_A_CHANGE for event in self.events):
             return ""
+        harder = f"; {self.not_judged:.3g} s were driven harder than calibrated" if self.not_judged else ""
         if self.judged > 0.0:
-            return f"nothing has changed in the {self.judged:.3g} s that could be judged"
-        return (
-            f"no row can be judged: the equations hold above {self.monitor.slowest:.2g} m/s and below {SPIN:g} rad of "
-            "sideslip, and the filter needs a third of a second; watch a drive"
-        )
+            could = shown.sentence(self.limits)
+            least = f"; {could}" if could else ""
+            return f"nothing has changed in the {self.judged:.3g} s that could be judged{least}{harder}"
+        return f"no row can be judged: {self.monitor.judges()}; watch a drive{harder}"
+
+    def summary(self) -> Event:
+        """The same as plain data, as the last event."""
+        limits = {name: q if q is None else float(f"{q:.3g}") for name, q in self.limits.items()}
+        return {"t": self.t, "event": "end", "judged": round(self.judged, 3), "not_judged": round(self.not_judged, 3),
+                "would_show": limits}  # fmt: skip
+
+
+class Part(NamedTuple):
+    """What is watched by one monitor from its start: a log, or what has come of one until it was cut or replaced."""
+
+    monitor: Watcher
+    rows: Iterator[Row]
 
 
 def watch(
     log: str | Path | Run, vehicle: Vehicle, calibration: Any = None, *, follow: bool = False, idle: float = 0.0,
     page: str | Path | None = None, tell: Callable[[list[Event]], None] | None = None,
+    false_alarms_per_hour: float = FALSE_ALARMS, say: Callable[[str], None] = lambda _: None,
 ) -> WatchedDrive:  # fmt: skip
     """Watches a drive row by row: since when the car differs from its simulator, and which effect explains it.
 
@@ -66,64 +84,89 @@ def watch(
     Args:
         log: a run's file, or a run; with torque commands;
         vehicle: vehicle file's path, parameters, or (parameters, effects): what the simulator believes of the car;
-        calibration: what `identify` found of this car, or its JSON's path, so that its baseline is no change;
-        follow: wait for further rows of a file (CSV) that is still being written; idle: end after so many seconds [s]
-            without one, 0: never;
-        page: where to draw the probabilities and list the events (HTML);
-        tell: called with new events as they come.
+        calibration: what `identify` found of this car, or its JSON's path, so that its baseline is no change; a car
+            that was calibrated by prediction is judged by its windows, any other by a bank of filters;
+        follow: wait for further rows of a file (CSV) that is still being written, or not there yet; a file that is cut
+            or replaced is watched anew; idle: end after so many seconds [s] without one, 0: never;
+        page: where to draw signals and probabilities and list the events (HTML);
+        tell: called with new events as they come; false_alarms_per_hour: that are allowed in the mean;
+        say: called with what is waited for.
 
     Raises:
         InvalidLogError: the log cannot be watched; InvalidVehicleError: of the vehicle;
-        InvalidBaselineScoresError: of the calibration; InvalidOptionError: a run cannot be followed.
+        InvalidBaselineScoresError: of the calibration; InvalidOptionError: a run cannot be followed, or the rate is
+            none.
     """
-    given, scores = vehicle_given(vehicle), None if calibration is None else _scores(calibration)
-    car = single_track_of(given.parameters), given.effects
-    monitor, rows, name = _rows(log, car, scores, follow, idle)
-    verdicts = watched(monitor, rows)
-    if page is not None:
-        from drift_drake.gap.monitoring.live_page import shown_while  # jinja2 is slow to import
+    if not 0.0 < false_alarms_per_hour <= MOST_ALARMS:
+        raise InvalidOptionError(f"false_alarms_per_hour {false_alarms_per_hour:g}: give a rate up to {MOST_ALARMS:g}")
+    given = vehicle_given(vehicle)
+    baseline = None if calibration is None else baseline_given(calibration)
+    tail = Tail(Path(log), idle, say) if follow and isinstance(log, str | Path) else None
+    events, found, name = list[Event](), None, log.name if isinstance(log, Run) else str(log)
 
-        verdicts = shown_while(verdicts, Path(page), name, monitor.labels, follow)
-    events, judged = list[Event](), 0.0
-    for _, _, new in verdicts:
-        judged += BLOCK
-        events += new
+    def told(new: list[Event]) -> None:
+        events.extend(new)
         if new and tell is not None:
             tell(new)
-    return WatchedDrive(events, judged, monitor)
+
+    def monitor_for(run: Run) -> Watcher:
+        return _monitor(run, given, baseline, false_alarms_per_hour, say)
+
+    for part in _parts(log, follow, tail, monitor_for):
+        if found is not None and tail is not None:
+            told([{"t": 0.0, "event": "anew", "why": tail.last_end}])
+        verdicts = watched(part.monitor, part.rows)
+        if page is not None:
+            from drift_drake.gap.monitoring.live_page import shown_while  # jinja2 is slow to import
+
+            verdicts = shown_while(verdicts, Path(page), name, part.monitor.labels, follow)
+        found = WatchedDrive(events, part.monitor, part.monitor.start().seen, 0.0)
+        for now in verdicts:
+            found = dataclasses.replace(found, seen=now.seen, t=now.t)
+            told(now.events)
+    if found is None:
+        raise InvalidLogError(f"{name}: has no rows; follow a log that is being written")
+    return found
 
 
-def _scores(calibration: Any) -> BaselineScores:
-    if isinstance(calibration, str | Path):
-        return read_baseline_scores(calibration)
-    found = getattr(calibration, "calibration", calibration)  # of an identification
-    return baseline_scores_of({"watching": getattr(found, "watching", None)}, "the calibration")
+def _monitor(
+    run: Run, given: GivenVehicle, baseline: Baseline | None, false_alarms: float, say: Callable[[str], None]
+) -> Watcher:
+    """The monitor for a log; a bank of filters takes the single-track car that is kept with a double-track one."""
+    if isinstance(baseline, OfPrediction):
+        return calibrated_watcher(baseline, run, given, false_alarms)
+    car = on_one_track(given)
+    if car.remark:
+        say(f"warning: {car.remark}")
+    if baseline is not None:
+        return calibrated_watcher(baseline, run, GivenVehicle(car.parameters, car.effects), false_alarms)
+    monitor = monitor_of(run, car.parameters, car.effects)
+    return dataclasses.replace(monitor, alarm=alarm_at(false_alarms))
 
 
-def _rows(
-    log: str | Path | Run,
-    car: tuple[VehicleParameters, Effects],
-    scores: BaselineScores | None,
-    follow: bool,
-    idle: float,
-) -> tuple[Monitor, Iterator[Row], str]:
-    """(the monitor for a log, its rows, what it is called)."""
-
-    def monitor_for(run: Run) -> Monitor:
-        if scores is None:
-            return monitor_of(run, *car)
-        return calibrated_monitor(scores, run, *car)
-
+def _parts(
+    log: str | Path | Run, follow: bool, tail: Tail | None, monitor_for: Callable[[Run], Watcher]
+) -> Iterator[Part]:
+    """A log, or in turn what comes of one that is cut or replaced while it is followed."""
     if isinstance(log, Run):
         if follow:
             raise InvalidOptionError("follow: a run has all of its rows; give the path of a file that grows")
-        return monitor_for(log), rows_of(log), log.name
+        yield Part(monitor_for(log), rows_of(log))
+        return
     if not isinstance(log, str | Path):
         raise InvalidLogError(f"log: {type(log).__name__} is none; give a run's path or a Run")
-    path = Path(log)
-    if not follow:
-        run = read_run(path)
-        return monitor_for(run), rows_of(run), str(path)
-    coming = growing_rows(path, growing_lines(path, idle))
-    head, first = head_of(path, coming)
-    return monitor_for(head), as_rows(itertools.chain(first, on_the_clock(path, coming, head))), str(path)
+    if tail is None:
+        run = read_run(Path(log))
+        yield Part(monitor_for(run), rows_of(run))
+        return
+    while True:
+        coming = growing_rows(tail.path, tail.lines())
+        try:
+            head, first = head_of(tail.path, coming)
+        except InvalidLogError:
+            if not tail.ended:
+                raise
+            continue  # it was cut or replaced before there was enough of it
+        yield Part(monitor_for(head), as_rows(itertools.chain(first, on_the_clock(tail.path, coming, head))))
+        if not tail.ended:
+            return

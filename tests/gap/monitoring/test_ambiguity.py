@@ -3,8 +3,8 @@
 import numpy as np
 
 from drift_drake.gap.monitoring.bank import Node
-from drift_drake.gap.monitoring.evidence import Sums, evidence_problem, no_history, with_block
-from drift_drake.gap.monitoring.monitor import sentence
+from drift_drake.gap.monitoring.events import sentence
+from drift_drake.gap.monitoring.evidence import evidence_problem
 from drift_drake.gap.monitoring.watch import mistakable
 
 NODES = [
@@ -13,30 +13,27 @@ NODES = [
 ]  # fmt: skip
 
 
-def history_of(opposed: float):
-    """One block of 300 rows with a lag; a delay that looks like it, and drag that looks like (-1) times the mass."""
+def whitened_of(opposed: float) -> tuple[np.ndarray, np.ndarray]:
+    """Scores of 300 rows with a lag; a delay that looks like it, and drag that looks like (-1) times the mass."""
     rng = np.random.default_rng(2)
     g = rng.normal(size=(300, len(NODES)))
     g[:, 1] = g[:, 0] + 0.1 * g[:, 1]
     g[:, 4] = opposed * g[:, 3] + 0.1 * g[:, 4]
-    score = g.T @ (g[:, 0] + rng.normal(size=300))
-    block = Sums(np.array(300.0), np.array(300.0), np.array(300.0), score, g.T @ g)
-    return with_block(no_history(len(NODES)), block, 0.8, 0.0)
+    return g[:, 0] + rng.normal(size=300), g
 
 
 def test_what_looks_alike_is_one_group():
     problem = evidence_problem(NODES, np.zeros(len(NODES)))
-    assert mistakable(problem, history_of(1.0), 1.0, "steering_lag") == ("steering_delay",)
-    assert mistakable(problem, history_of(1.0), 1.0, "gyro_bias") == ()
-    assert mistakable(problem, history_of(1.0), 1.0, "unknown") == ()
-    assert mistakable(problem, no_history(len(NODES)), 1.0, "steering_lag") == ()
+    assert mistakable(problem, *whitened_of(1.0), "steering_lag") == ("steering_delay",)
+    assert mistakable(problem, *whitened_of(1.0), "gyro_bias") == ()
+    assert mistakable(problem, *whitened_of(1.0), "unknown") == ()
 
 
 def test_an_effect_of_one_sign_looks_like_its_like_alone():
     """A car that is lighter is what looks like drag, where they are opposed; drag is never like its own opposite."""
     problem = evidence_problem([*NODES[:3], Node("mass_error", 0.1, 0.0, 2.0), NODES[4]], np.zeros(len(NODES)))
-    assert mistakable(problem, history_of(-1.0), 1.0, "aero_drag") == ()
-    assert mistakable(problem, history_of(1.0), 1.0, "aero_drag") == ("mass_error",)
+    assert mistakable(problem, *whitened_of(-1.0), "aero_drag") == ()
+    assert mistakable(problem, *whitened_of(1.0), "aero_drag") == ("mass_error",)
 
 
 def test_a_group_is_in_the_sentence():

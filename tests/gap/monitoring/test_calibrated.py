@@ -12,12 +12,9 @@ from drift_drake.car.parameters import VehicleParameters
 from drift_drake.cli.main import BAD_INPUT, main
 from drift_drake.gap.monitoring import monitor
 from drift_drake.gap.monitoring.bank import gated_row
-from drift_drake.gap.monitoring.baseline_scores import (
-    InvalidBaselineScoresError,
-    calibrated_monitor,
-    learn_baseline_scores,
-    read_baseline_scores,
-)
+from drift_drake.gap.monitoring.baseline_scores import BaselineScores, calibrated_monitor, learn_baseline_scores
+from drift_drake.gap.monitoring.baselines import baseline_given
+from drift_drake.gap.monitoring.events import InvalidBaselineScoresError
 from drift_drake.gap.monitoring.watch import monitor_of, rows_of, watched
 from experiments.monitoring.drives import changed_drive
 
@@ -42,13 +39,15 @@ def calibration(scores, tmp_path_factory):
 
 
 def least_none(monitor, run) -> float:
-    return min(verdict[0] for _, verdict, _ in watched(monitor, rows_of(run)))
+    return min(told.verdict[0] for told in watched(monitor, rows_of(run)))
 
 
 def test_the_baseline_is_no_change(calibration):
     other = drive(2)
     assert least_none(monitor_of(other, VEHICLE, Effects()), other) < 0.05
-    assert least_none(calibrated_monitor(read_baseline_scores(calibration), other, VEHICLE, Effects()), other) > 0.5
+    scores = baseline_given(calibration)
+    assert isinstance(scores, BaselineScores)
+    assert least_none(calibrated_monitor(scores, other, VEHICLE, Effects()), other) > 0.5
 
 
 def test_a_bank_that_is_lost_on_the_way_leaves_scores(monkeypatch):
@@ -67,7 +66,8 @@ def test_a_bank_that_is_lost_on_the_way_leaves_scores(monkeypatch):
 
 
 def test_scores_survive_the_file(calibration, scores):
-    found = read_baseline_scores(calibration)
+    found = baseline_given(calibration)
+    assert isinstance(found, BaselineScores)
     assert (found.period, found.noise, found.nodes) == (scores.period, scores.noise, scores.nodes)
     np.testing.assert_allclose(found.excess, scores.excess, atol=1e-6)
 

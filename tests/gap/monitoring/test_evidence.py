@@ -6,7 +6,8 @@ from scipy.integrate import quad
 from scipy.stats import norm
 
 from drift_drake.gap.monitoring.bank import Node
-from drift_drake.gap.monitoring.evidence import Sums, evidence_problem, labels, no_history, verdict_of, with_block
+from drift_drake.gap.monitoring.evidence import Sums, evidence_problem, labels, no_sums, verdict_of
+from drift_drake.gap.monitoring.history import no_history, with_block
 
 NODES = [Node("steering_lag", 0.1, 1.0, 0.6), Node("gyro_bias", 0.02, 0.0, 2.0, True), Node("aero_drag", 1.0, 0.0, 2.0)]
 BLOCK = 0.5  # [s]
@@ -17,7 +18,7 @@ def history(blocks: int, before: float = 0.0, score: float = 0.0, information: f
     n = len(NODES)
     g, s = np.zeros((n, n)), np.zeros(n)
     g[0, 0], s[0] = information, score
-    found = no_history(n)
+    found = no_history(no_sums(n))
     found = found._replace(before=found.before._replace(rows=np.array(before)))
     for _ in range(blocks):
         found = with_block(found, Sums(np.array(50.0), np.array(0.0), np.array(100.0), s, g), 1.0, 0.0)

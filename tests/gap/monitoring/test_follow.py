@@ -1,15 +1,18 @@
 """A log that is still being written: complete lines only, and a sentence for what cannot be used."""
 
-import os
 import threading
 import time
 
 import numpy as np
 import pytest
 
+import drift_drake
+from drift_drake.car.log.table import write_run
+from drift_drake.car.parameters import VehicleParameters
 from drift_drake.common.errors import DriftDrakeError
 from drift_drake.gap.estimation.filter_state import CHANNELS
-from drift_drake.gap.monitoring.watch import as_rows, growing_lines, growing_rows, head_of, on_the_clock
+from drift_drake.gap.monitoring.events import sentence
+from drift_drake.gap.monitoring.follow import Tail, as_rows, growing_rows, head_of, on_the_clock
 
 HEADER = "t,r,v,beta,omega_r,delta_cmd,tau_cmd\n"
 
@@ -29,7 +32,7 @@ def test_rows_come_as_they_are_written(tmp_path):
 
     writer = threading.Thread(target=write)
     writer.start()
-    rows = list(growing_rows(path, growing_lines(path, 0.5)))
+    rows = list(growing_rows(path, Tail(path, 0.5).lines()))
     writer.join()
     assert [row["t"] for row in rows] == [0.0, 0.01, 0.02]
     row = next(as_rows(iter(rows[-1:])))
@@ -40,7 +43,7 @@ def test_rows_come_as_they_are_written(tmp_path):
 def test_the_head_is_a_run(tmp_path):
     path = tmp_path / "run.csv"
     path.write_text(HEADER + "".join(line(i) for i in range(400)))
-    rows = growing_rows(path, growing_lines(path, 0.1))
+    rows = growing_rows(path, Tail(path, 0.1).lines())
     run, first = head_of(path, rows)
     assert len(run) == len(first) == 301
     assert len(list(rows)) == 99
@@ -60,14 +63,14 @@ def test_what_cannot_be_followed_is_said(tmp_path, text, said):
     path = tmp_path / "run.csv"
     path.write_bytes(text.encode("latin-1"))
     with pytest.raises(DriftDrakeError, match=said):
-        head_of(path, growing_rows(path, growing_lines(path, 0.1)))
+        head_of(path, growing_rows(path, Tail(path, 0.1).lines()))
 
 
 @pytest.mark.parametrize("t", ["3.05", "3.0", "nan", "-1"])
 def test_a_row_off_the_clock_ends_the_watch(tmp_path, t):
     path = tmp_path / "run.csv"
     path.write_text(HEADER + "".join(line(i) for i in range(302)) + line(302).replace("3.02", t))
-    rows = growing_rows(path, growing_lines(path, 0.1))
+    rows = growing_rows(path, Tail(path, 0.1).lines())
     head, _ = head_of(path, rows)
     after = on_the_clock(path, rows, head)
     assert next(after)["t"] == 3.01
@@ -82,27 +85,62 @@ def test_a_heading_does_not_jump_by_a_turn():
 
 
 @pytest.mark.parametrize(
-    ("change", "said"),
-    [
-        ("cut", r"run\.csv: has been cut or written anew while it is followed; begin the watch anew"),
-        ("written anew", r"run\.csv: has been cut or written anew"),
-        ("rotated", r"run\.csv: another file has taken its place"),
-        ("moved away", r"run\.csv: is gone while it is followed"),
-    ],
+    ("change", "why"), [("cut", "has been cut"), ("written anew", "has been cut"), ("rotated", "has been replaced")]
 )
-def test_a_log_that_is_cut_or_replaced_ends_the_watch(tmp_path, change, said):
+def test_a_log_that_is_cut_or_replaced_is_begun_anew(tmp_path, change, why):
     path = tmp_path / "run.csv"
     path.write_text(HEADER + "".join(line(i) for i in range(20)))
-    rows = growing_rows(path, growing_lines(path, 0.0))
+    tail = Tail(path, 0.5)
+    rows = growing_rows(path, tail.lines())
     for _ in range(20):
         next(rows)
-    if change == "cut":
-        os.truncate(path, 100)
-    elif change == "written anew":
-        path.write_text(HEADER + line(0))
-    else:
+    if change == "rotated":
         path.replace(tmp_path / "run.csv.1")
-        if change == "rotated":
-            path.write_text(HEADER + "".join(line(i) for i in range(40)))
-    with pytest.raises(DriftDrakeError, match=said):
-        next(rows)
+        path.write_text(HEADER + "".join(line(i) for i in range(40)))
+    else:
+        path.write_text(HEADER + (line(7) if change == "written anew" else ""))
+    assert list(rows) == []
+    assert tail.ended == why
+    again = [row["t"] for row in growing_rows(path, tail.lines())]
+    assert again == {"cut": [], "written anew": [0.07], "rotated": [round(0.01 * i, 2) for i in range(40)]}[change]
+    assert tail.ended == ""
+    assert tail.last_end == why
+
+
+def test_a_log_that_is_not_there_is_waited_for(tmp_path):
+    path, said = tmp_path / "run.csv", []
+
+    def write() -> None:
+        time.sleep(0.15)
+        path.write_text(HEADER + line(0))
+
+    writer = threading.Thread(target=write)
+    writer.start()
+    assert [row["t"] for row in growing_rows(path, Tail(path, 0.6, said.append).lines())] == [0.0]
+    writer.join()
+    assert said == [f"{path}: is not there; waiting for it"]
+    assert list(Tail(tmp_path / "none.csv", 0.1).lines()) == []
+
+
+def test_the_watch_of_a_replaced_log_begins_anew_with_a_sentence(tmp_path, changed_run):
+    """A second drive is written in place of the first: its change is reported by its own clock."""
+    whole, path = tmp_path / "whole.csv", tmp_path / "run.csv"
+    write_run(changed_run, whole)
+    text = whole.read_text()
+    path.write_text("\n".join(text.split("\n")[:330]) + "\n")
+
+    def write() -> None:
+        time.sleep(1.5)
+        (tmp_path / "next.csv").write_text(text)
+        (tmp_path / "next.csv").replace(path)
+
+    writer = threading.Thread(target=write)
+    writer.start()
+    seen = drift_drake.watch(path, VehicleParameters(), follow=True, idle=3.0)
+    writer.join()
+    kinds = [event["event"] for event in seen.events]
+    anew = kinds.index("anew")
+    assert sentence(seen.events[anew]) == "the log has been replaced: the watch begins anew"
+    alone = drift_drake.watch(whole, VehicleParameters())
+    assert seen.events[anew + 1 :] == alone.events
+    assert seen.judged == alone.judged

@@ -7,7 +7,9 @@ from browser import needs_browser, opened
 from drift_drake.car.log.table import write_run
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.cli.main import main
-from drift_drake.gap.monitoring.live_page import LEADING, bands, page
+from drift_drake.gap.monitoring.live_page import LEADING, Drawn, bands, page
+
+SIGNALS_OF_A_DRIVE = np.arange(8.0).reshape(2, 4)
 
 
 @pytest.fixture(scope="module")
@@ -25,6 +27,7 @@ def test_the_page_of_a_log_shows_what_was_reported(watched_page, changed_run):
     text = watched_page.read_text()
     assert "rear_stiffness_error" in text
     assert "the car has changed" in text
+    assert "predicted by the" in text
     assert 'http-equiv="refresh"' not in text  # it is over
     assert len(text) < 100_000
     assert f"{changed_run.t[-1]:.1f} s</span>" in text
@@ -33,9 +36,11 @@ def test_the_page_of_a_log_shows_what_was_reported(watched_page, changed_run):
 def test_a_page_of_a_log_that_grows_loads_itself_anew(monitor):
     p = np.zeros(len(monitor.labels))
     p[0] = 1.0
-    text = page("log", monitor.labels, [(0.1 * i, p) for i in range(5000)], [], True)
+    text = page("log", monitor.labels, [Drawn(0.1 * i, p, SIGNALS_OF_A_DRIVE) for i in range(5000)], [], True)
     assert 'http-equiv="refresh"' in text
     assert "nothing has changed" in text
+    assert 'id="clock"' in text
+    assert text.count("<polyline") == 8  # four signals, measured and predicted
     assert 'http-equiv="refresh"' in page("log", monitor.labels, [], [], True)  # before the first verdict
 
 

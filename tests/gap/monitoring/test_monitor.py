@@ -7,8 +7,10 @@ from drift_drake.car.effects.magnitudes import Effects, make_effects
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.gap.estimation.filter_state import CHANNELS
 from drift_drake.gap.monitoring import bank as filters
-from drift_drake.gap.monitoring.evidence import Sums, no_sums, since, unpacked
-from drift_drake.gap.monitoring.monitor import SETTLING, after_row, sentence, with_row
+from drift_drake.gap.monitoring.events import sentence
+from drift_drake.gap.monitoring.evidence import Sums, no_sums
+from drift_drake.gap.monitoring.history import since
+from drift_drake.gap.monitoring.monitor import SETTLING, after_row, with_row
 from drift_drake.gap.monitoring.watch import monitor_of, rows_of, watched
 from experiments.monitoring.drives import changed_drive
 from experiments.monitoring.limits import limits
@@ -33,8 +35,7 @@ def test_recursive_scores_are_those_of_the_whole_log(monitor, changed_run, comma
     first = round(SETTLING / changed_run.period) - 1
     nu = e[first:, 0][:, monitor.used]
     g = nu[:, None] - e[first:, 1:][:, :, monitor.used]
-    n = len(monitor.problem.nodes)
-    _, recent = since(unpacked(states(monitor, changed_run, stop)[-1].history, n))
+    _, recent = since(states(monitor, changed_run, stop)[-1].history)
     np.testing.assert_allclose(recent.score[-1], np.einsum("kpc,kc->p", g, nu), rtol=1e-9, atol=1e-6)
     np.testing.assert_allclose(recent.information[-1], np.einsum("kpc,kqc->pq", g, g), rtol=1e-9, atol=1e-6)
     assert recent.rows[-1] == len(nu)
@@ -52,7 +53,7 @@ def test_a_bank_that_is_lost_begins_anew_and_what_was_found_stays(monitor, chang
     for row in rows[101:200]:
         after = after_row(monitor, after, row.y, row.command, row.t)
     assert np.isfinite(after.bank.z).all()
-    _, sums = since(unpacked(after.history, len(monitor.problem.nodes)))
+    _, sums = since(after.history)
     assert sums.rows[-1] > 100  # of those before, too
 
 
@@ -66,7 +67,7 @@ def test_a_row_far_off_is_clipped():
 
 def test_the_change_is_named_and_its_onset_found(changed_run):
     monitor = monitor_of(changed_run, VehicleParameters(), Effects())
-    reported = [event for _, _, events in watched(monitor, rows_of(changed_run)) for event in events]
+    reported = [event for told in watched(monitor, rows_of(changed_run)) for event in told.events]
     assert reported[0]["event"] == "change"
     assert reported[0]["t"] > ONSET
     last = reported[-1]
@@ -79,7 +80,7 @@ def test_the_change_is_named_and_its_onset_found(changed_run):
 def test_the_simulators_own_car_raises_no_alarm():
     run = changed_drive("slalom", Effects(), 2.0, seed=5, duration=5.0)
     monitor = monitor_of(run, VehicleParameters(), Effects())
-    assert all(not events for _, _, events in watched(monitor, rows_of(run)))
+    assert all(not told.events for told in watched(monitor, rows_of(run)))
 
 
 def test_missing_readings_are_waited_through(monitor, changed_run):
@@ -95,7 +96,7 @@ def test_a_change_that_is_over_is_reported():
     effects, end = make_effects({"friction_level": -0.25}), 4.5
     run = changed_drive("power", effects, ONSET, seed=6, duration=8.0, until=end)
     monitor = monitor_of(run, VehicleParameters(), Effects())
-    reported = [event for _, _, events in watched(monitor, rows_of(run)) for event in events]
+    reported = [event for told in watched(monitor, rows_of(run)) for event in told.events]
     over = [event["t"] for event in reported if event["event"] == "over"]
     assert over
     assert over[0] > end
@@ -105,7 +106,7 @@ def test_a_change_that_is_over_is_reported():
 def test_limits_fall_with_time_and_are_not_below_what_was_seen(monitor, changed_run):
     """Twice the time halves a limit at the most; an effect beyond its limit is seen, one at zero has none."""
     n = len(monitor.problem.nodes)
-    history = unpacked(states(monitor, changed_run, 240)[-1].history, n)
+    history = states(monitor, changed_run, 240)[-1].history
     ages, recent = since(history)
     nothing = no_sums(n)
     found = [limits(monitor.problem, Sums(*(a[i] for a in recent)), nothing, 1.0, 0.05)

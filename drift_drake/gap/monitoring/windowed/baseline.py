@@ -1,0 +1,129 @@
+"""What a calibration by prediction keeps for its monitor, beyond its baseline's residuals: its driving, and its cap."""
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from drift_drake.car.effects.magnitudes import Effects
+from drift_drake.car.equations import kind_of
+from drift_drake.car.log.driving import slowest
+from drift_drake.car.log.table import InvalidLogError, Run
+from drift_drake.car.parameters import CarParameters
+from drift_drake.common.plain_files import number
+from drift_drake.gap.estimation.normal import Normal
+from drift_drake.gap.estimation.windows import PREDICTED, WindowedRun, run_errors
+from drift_drake.gap.monitoring.bank import effect_nodes
+from drift_drake.gap.monitoring.events import InvalidBaselineScoresError
+from drift_drake.gap.monitoring.evidence import FALSE_ALARMS, alarm_at, evidence_problem
+from drift_drake.gap.monitoring.history import of_parts
+from drift_drake.gap.monitoring.watch import rows_of
+from drift_drake.gap.monitoring.windowed.familiar import LARGEST, KnownDriving, familiar_of
+from drift_drake.gap.monitoring.windowed.monitor import WindowMonitor
+from drift_drake.gap.monitoring.windowed.null import distance, null_of
+from drift_drake.gap.monitoring.windowed.sums import FEATURES, features, no_windows, projection_of, sums_of
+
+MOST = 700  # windows of a calibration, of each recording as many, whose distance from normal is looked at
+TYPICAL = 0.75  # quantile of these distances, beyond which a window counts less
+COLUMNS = tuple(PREDICTED)
+
+
+@dataclasses.dataclass(frozen=True)
+class WindowBaseline:
+    """Of a car calibrated by prediction, relative to its `Normal`."""
+
+    period: float  # [s] of the logs
+    columns: tuple[str, ...]  # that they have, of `COLUMNS`
+    cap: float  # `Null.cap`
+    familiar: KnownDriving
+
+    def as_data(self) -> dict[str, Any]:
+        """Plain data, the inverse of `window_baseline_of`."""
+        return {
+            "period": self.period, "columns": list(self.columns), "cap": self.cap,
+            "points": np.round(self.familiar.points, 4).tolist(), "size": self.familiar.size.tolist(),
+            "limit": self.familiar.limit,
+        }  # fmt: skip
+
+
+def window_baseline_of(data: Mapping[str, Any]) -> WindowBaseline:
+    """What `WindowBaseline.as_data` wrote; KeyError, TypeError or ValueError where it is not that."""
+    columns = tuple(str(name) for name in data["columns"])
+    if not set(columns) <= set(COLUMNS) or not {"r", "v", "beta"} <= set(columns):
+        raise ValueError(f"columns must be of {', '.join(COLUMNS)}, with r, v and beta")
+    points, size = np.array(data["points"], dtype=float), np.array(data["size"], dtype=float)
+    if points.ndim != 2 or points.shape[1] != len(FEATURES) or size.shape != (len(FEATURES),) or not len(points):
+        raise ValueError(f"points must hold {len(FEATURES)} numbers each")
+    if not (np.all(np.abs(points) < LARGEST) and np.all(size > 0.0) and np.all(size < LARGEST)):
+        raise ValueError("points and size must be finite numbers")
+    cap, limit = (number(data[key], lambda q: 0.0 < q < LARGEST) for key in ("cap", "limit"))
+    return WindowBaseline(
+        number(data["period"], lambda q: 0.0 < q < 1.0), columns, cap, KnownDriving(points, size, limit)
+    )
+
+
+def learn_window_baseline(runs: Sequence[Run], vehicle: CarParameters, own: Effects, normal: Normal) -> WindowBaseline:
+    """What a monitor needs of a calibration's own logs.
+
+    Raises:
+        InvalidLogError: no torque commands, or no window of predictions.
+    """
+    if any(run.tau_cmd is None or run.beta is None for run in runs):
+        raise InvalidLogError("a monitor by windows needs the columns tau_cmd and beta")
+    columns = tuple(name for name in COLUMNS if all(run.column(name) is not None for run in runs))
+    everywhere = WindowBaseline(runs[0].period, columns, np.inf, KnownDriving(np.zeros((1, len(FEATURES))),
+                                np.ones(len(FEATURES)), np.inf))  # fmt: skip
+    monitor = window_monitor(everywhere, normal, vehicle, own)
+    windows = [windows_of(monitor, run) for run in runs]
+    driving = [np.array([features(window) for window in some]) for some in windows if some]
+    if not driving:
+        raise InvalidLogError("no window of predictions can be judged")
+    first = max(MOST // len(driving), 1)
+    found = np.concatenate([distances_of(monitor, some[:first]) for some in windows])
+    return dataclasses.replace(everywhere, cap=float(np.quantile(found, TYPICAL)), familiar=familiar_of(driving))
+
+
+def windows_of(monitor: WindowMonitor, run: Run) -> list[WindowedRun]:
+    """The windows of a run that a monitor would judge."""
+    state, out = monitor.start(), list[WindowedRun]()
+    for row in rows_of(run):
+        state, window = monitor.with_row(state, row.y, row.command, row.road)
+        out += [window] if window is not None else []
+    return out
+
+
+def distances_of(monitor: WindowMonitor, windows: Sequence[WindowedRun]) -> np.ndarray:
+    """Squared distances [windows] of a drive's windows from normal, per score, each given those before."""
+    p, out = monitor.projection, list[float]()
+    older = no_windows(len(p.names), len(p.nodes))
+    for window in windows:
+        one = sums_of(p, window, run_errors(window, p.constants, p.own), monitor.slipping_of(window))
+        out.append(distance(monitor.null, older, one))
+        older = of_parts(older, one, by=np.add)
+    return np.array(out)
+
+
+def window_monitor(
+    baseline: WindowBaseline, normal: Normal, vehicle: CarParameters, own: Effects,
+    false_alarms: float = FALSE_ALARMS,
+) -> WindowMonitor:  # fmt: skip
+    """The monitor of a car calibrated by prediction; false_alarms: that are allowed [1/h].
+
+    Raises:
+        InvalidBaselineScoresError: the calibration is of another kind of car.
+    """
+    constants = vehicle.constants()
+    if tuple(kind_of(constants).DEVIATIONS) != normal.of_kind:
+        raise InvalidBaselineScoresError(
+            "the calibration is of another kind of car (single-track or double-track) than the vehicle file; give the "
+            "two that one 'identify' wrote"
+        )
+    single = vehicle.single_track()
+    nodes = [node for name in normal.names for node in effect_nodes(name, single)]
+    return WindowMonitor(
+        projection_of(constants, own, normal, nodes), null_of(normal, baseline.cap), baseline.familiar,
+        evidence_problem(nodes, np.zeros(len(nodes))), np.array([name in baseline.columns for name in PREDICTED]),
+        baseline.period, normal.stride, normal.slipping, slowest(single), alarm_at(false_alarms),
+        3600.0 / false_alarms,
+    )  # fmt: skip

@@ -153,7 +153,7 @@ def main(config: ClosedLoopConfig, to: TextIO | None = None) -> dict[str, Any]:
         shown = shown_while(
             verdicts, folder / "watch.html", f"closed loop, {config.reference}", run.watch.monitor.labels, False
         )
-        events = [event for told in shown for event in told.events]
+        events = [event for judged in shown for event in judged.events]
         write_text(folder / "events.jsonl", "".join(f"{json.dumps(event)}\n" for event in events))
     for event in events:
         print(sentence(event), file=to)

@@ -152,7 +152,7 @@ def watch(job: Job) -> dict[str, Any]:
 
 def said(monitor: Monitor, run: Run, truth: dict[str, Any]) -> dict[str, Any]:
     """The monitor's verdicts and the peers' statistics, at the monitor's times."""
-    verdicts = [(told.t, told.verdict) for told in watched(monitor, rows_of(run))]
+    verdicts = [(judged.t, judged.verdict) for judged in watched(monitor, rows_of(run))]
     t = np.array([at for at, _ in verdicts])
     p = np.array([v[:-4] for _, v in verdicts])
     trace = traced(monitor, run)

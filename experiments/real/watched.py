@@ -41,7 +41,7 @@ class Config:
 def watch(run: Run, car: Path, scores: BaselineScores) -> list[dict[str, Any]]:
     """The events of a recording with a calibrated car."""
     monitor = calibrated_monitor(scores, run, *read_vehicle(car))
-    return [event for told in watched(monitor, rows_of(run)) for event in told.events]
+    return [event for judged in watched(monitor, rows_of(run)) for event in judged.events]
 
 
 def changed_at(run: Run, name: str, magnitude: float, onset: float) -> Run:

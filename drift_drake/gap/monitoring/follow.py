@@ -26,7 +26,7 @@ class Tail:
     """
 
     def __init__(self, path: Path, idle: float, say: Callable[[str], None] = lambda _: None) -> None:
-        """idle: seconds without anything new after which it ends, 0: never; say: is told what is waited for."""
+        """idle: seconds without anything new after which it ends, 0: never; say: is called with what is waited for."""
         self.path, self.idle, self.ended, self.last_end, self._say = path, idle, "", "", say
         self._last = time.monotonic()
 

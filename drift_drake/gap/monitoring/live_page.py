@@ -13,7 +13,7 @@ import numpy as np
 from drift_drake.common.safe_files import write_text
 from drift_drake.gap.evidence.posterior import UNKNOWN
 from drift_drake.gap.monitoring.events import SIGNALS, sentence
-from drift_drake.gap.monitoring.watch import Told
+from drift_drake.gap.monitoring.watch import Judged
 from drift_drake.view.pages.policy import with_policy
 
 TEMPLATE = Path(__file__).with_name("live_page.html")
@@ -58,7 +58,9 @@ class Band:
     last: float  # probability now
 
 
-def shown_while(verdicts: Iterable[Told], path: Path, name: str, labels: Sequence[str], live: bool) -> Iterator[Told]:
+def shown_while(
+    verdicts: Iterable[Judged], path: Path, name: str, labels: Sequence[str], live: bool
+) -> Iterator[Judged]:
     """Hands verdicts (`watch.watched`) on and keeps a page of them: `live`, at most once a second; else at the end.
 
     Raises:
@@ -67,13 +69,13 @@ def shown_while(verdicts: Iterable[Told], path: Path, name: str, labels: Sequenc
     kept: deque[Drawn] = deque(maxlen=LONGEST)
     events, written = list[dict[str, Any]](), -np.inf
     try:
-        for told in verdicts:
-            kept.append(Drawn(told.t, told.verdict[: len(labels)], told.seen.signals))
-            events += told.events
+        for judged in verdicts:
+            kept.append(Drawn(judged.t, judged.verdict[: len(labels)], judged.seen.signals))
+            events += judged.events
             if live and time.monotonic() - written >= EACH:
                 write_text(path, page(name, labels, kept, events, live))
                 written = time.monotonic()
-            yield told
+            yield judged
     finally:  # a watch that is broken off leaves no page that still waits for it
         write_text(path, page(name, labels, kept, events, False))
 

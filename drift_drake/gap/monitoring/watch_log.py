@@ -104,7 +104,7 @@ def watch(
     tail = Tail(Path(log), idle, say) if follow and isinstance(log, str | Path) else None
     events, found, name = list[Event](), None, log.name if isinstance(log, Run) else str(log)
 
-    def told(new: list[Event]) -> None:
+    def report(new: list[Event]) -> None:
         events.extend(new)
         if new and tell is not None:
             tell(new)
@@ -114,7 +114,7 @@ def watch(
 
     for part in _parts(log, follow, tail, monitor_for):
         if found is not None and tail is not None:
-            told([{"t": 0.0, "event": "anew", "why": tail.last_end}])
+            report([{"t": 0.0, "event": "anew", "why": tail.last_end}])
         verdicts = watched(part.monitor, part.rows)
         if page is not None:
             from drift_drake.gap.monitoring.live_page import shown_while  # jinja2 is slow to import
@@ -123,7 +123,7 @@ def watch(
         found = WatchedDrive(events, part.monitor, part.monitor.start().seen, 0.0)
         for now in verdicts:
             found = dataclasses.replace(found, seen=now.seen, t=now.t)
-            told(now.events)
+            report(now.events)
     if found is None:
         raise InvalidLogError(f"{name}: has no rows; follow a log that is being written")
     return found

@@ -39,7 +39,7 @@ def calibration(scores, tmp_path_factory):
 
 
 def least_none(monitor, run) -> float:
-    return min(told.verdict[0] for told in watched(monitor, rows_of(run)))
+    return min(judged.verdict[0] for judged in watched(monitor, rows_of(run)))
 
 
 def test_the_baseline_is_no_change(calibration):

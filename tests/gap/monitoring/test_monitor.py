@@ -67,7 +67,7 @@ def test_a_row_far_off_is_clipped():
 
 def test_the_change_is_named_and_its_onset_found(changed_run):
     monitor = monitor_of(changed_run, VehicleParameters(), Effects())
-    reported = [event for told in watched(monitor, rows_of(changed_run)) for event in told.events]
+    reported = [event for judged in watched(monitor, rows_of(changed_run)) for event in judged.events]
     assert reported[0]["event"] == "change"
     assert reported[0]["t"] > ONSET
     last = reported[-1]
@@ -80,7 +80,7 @@ def test_the_change_is_named_and_its_onset_found(changed_run):
 def test_the_simulators_own_car_raises_no_alarm():
     run = changed_drive("slalom", Effects(), 2.0, seed=5, duration=5.0)
     monitor = monitor_of(run, VehicleParameters(), Effects())
-    assert all(not told.events for told in watched(monitor, rows_of(run)))
+    assert all(not judged.events for judged in watched(monitor, rows_of(run)))
 
 
 def test_missing_readings_are_waited_through(monitor, changed_run):
@@ -96,7 +96,7 @@ def test_a_change_that_is_over_is_reported():
     effects, end = make_effects({"friction_level": -0.25}), 4.5
     run = changed_drive("power", effects, ONSET, seed=6, duration=8.0, until=end)
     monitor = monitor_of(run, VehicleParameters(), Effects())
-    reported = [event for told in watched(monitor, rows_of(run)) for event in told.events]
+    reported = [event for judged in watched(monitor, rows_of(run)) for event in judged.events]
     over = [event["t"] for event in reported if event["event"] == "over"]
     assert over
     assert over[0] > end

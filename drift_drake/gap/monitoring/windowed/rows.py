@@ -24,7 +24,7 @@ class Rows(NamedTuple):
 
 
 def no_rows(period: float, stride: float) -> Rows:
-    """Room for a window of horizons `stride` [s] apart, and what is before it; period: of rows [s]."""
+    """Empty rows for a window of horizons `stride` [s] apart, and what is before it; period: of rows [s]."""
     n = round(BEHIND / period) + (HORIZONS + 1) * max(round(stride / period), 1) + 1
     return Rows(np.zeros(()), np.zeros((n, len(PREDICTED))), np.zeros((n, 2)), np.zeros(n), np.zeros(n))
 

@@ -132,7 +132,7 @@ def test_drakes_system_says_the_same_as_the_batch(files: Path, monitor: WindowMo
         name: system.GetInputPort(name).FixValue(context, np.zeros(size))
         for name, size in (("measured_state", 7), ("command", 2), ("log_row", 10))
     }
-    verdicts = {round(told.t, 2): told.verdict for told in watched(monitor, rows_of(run))}
+    verdicts = {round(judged.t, 2): judged.verdict for judged in watched(monitor, rows_of(run))}
     for row in list(rows_of(run))[:560]:
         ports["measured_state"].GetMutableData().get_mutable_value().SetFromVector([*row.y[:4], 0.0, 0.0, 0.0])
         ports["command"].GetMutableData().get_mutable_value().SetFromVector(row.command)

@@ -19,7 +19,7 @@ from drift_drake.gap.estimation.filter_state import CHANNELS
 from drift_drake.gap.monitoring.correction import GapCorrection, SlowDown
 from drift_drake.gap.monitoring.events import Events, Watcher
 from drift_drake.gap.monitoring.evidence import TRUSTED
-from drift_drake.gap.monitoring.watch import Judged
+from drift_drake.gap.monitoring.watch import VerdictAt
 
 _MEASURED = [CHANNELS.index(name) for name in ("r", "v", "beta", "omega_r")]
 _FURTHER = {name: LOG_ROW.index(name) for name in ("psi", "ax", "ay")}
@@ -169,7 +169,7 @@ def logged_ports(system: GapMonitor) -> dict[str, tuple[OutputPort, Sequence[str
     }
 
 
-def verdicts_of(monitor: Watcher, table: pd.DataFrame) -> Iterator[Judged]:
+def verdicts_of(monitor: Watcher, table: pd.DataFrame) -> Iterator[VerdictAt]:
     """What the monitor said during a run, from its table."""
     columns = [f"{PREFIX}{name}" for name in (*monitor.labels, *FURTHER, "onset")]
     rows = table[columns].to_numpy()
@@ -177,7 +177,7 @@ def verdicts_of(monitor: Watcher, table: pd.DataFrame) -> Iterator[Judged]:
     reported = Events()
     for i in new:
         reported, events = reported.after(monitor, rows[i], float(table["t"].iloc[i]))
-        yield Judged(float(table["t"].iloc[i]), rows[i], events, monitor.start().seen)
+        yield VerdictAt(float(table["t"].iloc[i]), rows[i], events, monitor.start().seen)
 
 
 def events_of(monitor: Watcher, table: pd.DataFrame) -> list[dict[str, Any]]:

@@ -13,7 +13,7 @@ import numpy as np
 from drift_drake.common.safe_files import write_text
 from drift_drake.gap.evidence.posterior import UNKNOWN
 from drift_drake.gap.monitoring.events import SIGNALS, sentence
-from drift_drake.gap.monitoring.watch import Judged
+from drift_drake.gap.monitoring.watch import VerdictAt
 from drift_drake.view.pages.policy import with_policy
 
 TEMPLATE = Path(__file__).with_name("live_page.html")
@@ -59,8 +59,8 @@ class Band:
 
 
 def shown_while(
-    verdicts: Iterable[Judged], path: Path, name: str, labels: Sequence[str], live: bool
-) -> Iterator[Judged]:
+    verdicts: Iterable[VerdictAt], path: Path, name: str, labels: Sequence[str], live: bool
+) -> Iterator[VerdictAt]:
     """Hands verdicts (`watch.watched`) on and keeps a page of them: `live`, at most once a second; else at the end.
 
     Raises:

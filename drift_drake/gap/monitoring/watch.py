@@ -56,7 +56,7 @@ def monitor_of(run: Run, vehicle: VehicleParameters, own: Effects, watched: Sequ
     return make_monitor(vehicle, own, used, run.period, NoiseLevels(**levels))
 
 
-class Judged(NamedTuple):
+class VerdictAt(NamedTuple):
     """What a monitor says at a moment."""
 
     t: float  # [s]
@@ -65,7 +65,7 @@ class Judged(NamedTuple):
     seen: SoFar
 
 
-def watched(monitor: Watcher, rows: Iterator[Row]) -> Iterator[Judged]:
+def watched(monitor: Watcher, rows: Iterator[Row]) -> Iterator[VerdictAt]:
     """What a monitor says at every verdict, and where it says that it cannot judge."""
     state, reported = monitor.start(), Events()
     for row in rows:
@@ -78,7 +78,7 @@ def watched(monitor: Watcher, rows: Iterator[Row]) -> Iterator[Judged]:
             reported, new = reported.after(monitor, state.verdict, row.t)
             events += [with_group(monitor, state, event) for event in new]
         if state.seen is not before.seen:
-            yield Judged(row.t, state.verdict, events, state.seen)
+            yield VerdictAt(row.t, state.verdict, events, state.seen)
 
 
 def with_group(monitor: Watcher, state: Any, event: dict[str, Any]) -> dict[str, Any]:

@@ -59,7 +59,7 @@ def run_watch(command: Watch) -> None:
     reported: list[Mapping[str, Any]] = []
 
     def say(text: str) -> None:
-        print(text, file=said_to(command.json), flush=True)
+        print(text, file=sys.stderr if text.startswith("warning: ") else said_to(command.json), flush=True)
 
     def tell(events: Sequence[Mapping[str, Any]]) -> None:
         for event in events:

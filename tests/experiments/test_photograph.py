@@ -26,7 +26,7 @@ def test_only_the_parts_are_in_the_picture(tmp_path):
 
 def test_a_machine_without_a_browser_is_named(tmp_path, monkeypatch):
     (tmp_path / "page.html").write_text(PAGE)
-    monkeypatch.setattr("experiments.pictures.photograph.BROWSER", None)
+    monkeypatch.setitem(photograph.__globals__, "BROWSER", None)
     with pytest.raises(UnseenPageError, match="no Chromium on this machine"):
         photograph(tmp_path / "page.html", tmp_path / "page.png")
 

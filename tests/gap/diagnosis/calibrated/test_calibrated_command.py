@@ -39,7 +39,8 @@ def test_identify_takes_several_days_and_writes_the_baseline(other_car, tmp_path
         write_day(tmp_path / name, [run.rows(0, 500) for run in other_car.runs[2 * k : 2 * k + 2]])
     other_car.guess.to_yaml("start.yaml")
     code = main(["identify", "monday", "tuesday", "--vehicle", "start.yaml", "--out", "car.yaml", "--json", "car.json",
-                 "--criterion", "prediction", "--effects", "tyre_relaxation", "--quiet", "--known", "mass",
+                 "--criterion", "prediction", "--car", "single-track", "--effects", "tyre_relaxation", "--quiet",
+                 "--known", "mass",
                  "yaw_inertia", "front_axle_distance", "rear_axle_inertia", "torque", "steering_offset"])  # fmt: skip
     assert code == 0
     assert "--calibration car.json" in capsys.readouterr().out

@@ -104,19 +104,20 @@ def test_what_asks_for_a_single_track_car_says_so(
     assert "Traceback" not in said
 
 
-def test_a_drive_is_watched_by_the_single_track_car_that_is_kept(
+def test_a_bank_of_filters_takes_the_single_track_car_that_is_kept(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """And of a file without one the sentence says which calibration writes it."""
+    """Windows are the double-track car's own. Of a file that keeps no other the sentence says what writes one."""
     log, given = str(folder / "baseline" / "run_0.csv"), vehicle_given(folder / "car.yaml")
-    calibrated = ["--calibration", str(folder / "car.json")]
-    assert main(["watch", log, "--vehicle", str(folder / "car.yaml"), *calibrated]) == 0
+    assert main(["watch", log, "--vehicle", str(folder / "car.yaml"), "--calibration", str(folder / "car.json")]) == 0
     said = capsys.readouterr()
     assert "nothing has changed" in said.out
-    assert "this uses the single-track car that was calibrated on the same logs" in said.err
+    assert said.err == ""
+    assert main(["watch", log, "--vehicle", str(folder / "car.yaml")]) == 0
+    assert "this uses the single-track car that was calibrated on the same logs" in capsys.readouterr().err
     alone = folder / "alone.yaml"
     write_vehicle(alone, given.parameters, given.effects)
-    assert main(["watch", log, "--vehicle", str(alone), *calibrated]) == BAD_INPUT
+    assert main(["watch", log, "--vehicle", str(alone)]) == BAD_INPUT
     assert "that 'drift-drake identify --car auto' or '--car single-track' writes" in capsys.readouterr().err
 
 

@@ -10,7 +10,8 @@ from drift_drake.car.parameters import VehicleParameters
 from drift_drake.car.step_model import NominalStepModel
 from drift_drake.common.errors import InvalidOptionError
 from experiments.drifting import benchmark_mpc
-from experiments.drifting.benchmark_mpc import PARTS, BenchmarkConfig, TimedModel, main, statistics
+from experiments.drifting.benchmark_mpc import PARTS, BenchmarkConfig, main, statistics
+from experiments.drifting.timed_parts import TimedModel
 
 CONFIG = BenchmarkConfig(horizons=(3, 5), problems=4, referee_problems=1, referee_horizon=3, warm_problems=3)
 

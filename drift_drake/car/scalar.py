@@ -17,6 +17,8 @@ from pydrake.symbolic import Expression, if_then_else
 
 from drift_drake.car.lanes import ELEMENTARY, lanes, load_lanes, select_lanes, store_lanes
 
+STANDSTILL = 0.1  # [m/s] below which a car counts as standing
+
 jitable = register_jitable(forceinline=True)
 """Marks a plain Python function as callable from compiled code; the function itself is left as it is.
 
@@ -157,6 +159,18 @@ def clip(x: Any, low: Any, high: Any) -> Any:
 def absolute(x: Any) -> Any:
     """|x|, with the derivative of the branch that x is on."""
     return select(x, 0.0, -x, x)
+
+
+@jitable
+def signed_floor(x: Any, least: Any) -> Any:
+    """x, its magnitude at least `least` and its sign kept."""
+    return select(x, 0.0, minimum(x, -least), maximum(x, least))
+
+
+@jitable
+def forwards(v: Any) -> Any:
+    """1 for a speed [m/s] forwards, -1 for one backwards, between them across a standstill."""
+    return clip(v / STANDSTILL, -1.0, 1.0)
 
 
 @jitable

@@ -63,7 +63,7 @@ def fastest(z: Any, constants: Any, effects: Any) -> Any:
     tire = p.rear_tire
     ring = np.sqrt(tire.longitudinal_stiffness / (p.wheel_inertia * tire.longitudinal_relaxation)) * p.wheel_radius
     least = min(tire.longitudinal_relaxation, tire.lateral_relaxation, p.front_tire.lateral_relaxation)
-    return max(ring, max(z[1], MIN_RELAXATION_SPEED) / least)
+    return max(ring, max(abs(z[1]), MIN_RELAXATION_SPEED) / least)
 
 
 @jitable

@@ -21,7 +21,7 @@ from drift_drake.car.effects.magnitudes import (
     with_double_track_forces,
 )
 from drift_drake.car.parameters import InvalidVehicleError
-from drift_drake.car.scalar import absolute, clip, cos, jitable, loaded, maximum, select, sin, tanh
+from drift_drake.car.scalar import absolute, clip, cos, forwards, jitable, loaded, maximum, select, sin, tanh
 from drift_drake.car.single_track.motion import MIN_SLIP_SPEED, Motion, planar_motion, wheel_acceleration
 from drift_drake.car.single_track.motion_with_effects import axle_friction, road_wheel, steering_rate
 
@@ -192,13 +192,13 @@ def road_wheel_angles(steering: Any, axle_force: Any, p: DoubleTrackConstants) -
 def front_wheel_slip(u_x: Any, u_y: Any, angle: Any) -> tuple[Any, Any]:
     """(lateral slip [-], rolling speed [m/s]) of a freely rolling wheel whose hub has the velocity (u_x, u_y)."""
     v_x, v_y = u_x * cos(angle) + u_y * sin(angle), -u_x * sin(angle) + u_y * cos(angle)
-    return v_y / maximum(v_x, MIN_SLIP_SPEED), v_x
+    return v_y / maximum(absolute(v_x), MIN_SLIP_SPEED), v_x
 
 
 @jitable
 def rear_wheel_slip(u_x: Any, u_y: Any, rim: Any) -> tuple[Any, Any]:
     """(longitudinal, lateral) slip [-] of a driven wheel with the rim speed `rim` [m/s]."""
-    rolling = maximum(rim, MIN_SLIP_SPEED)
+    rolling = maximum(absolute(rim), MIN_SLIP_SPEED)
     return (rim - u_x) / rolling, u_y / rolling
 
 
@@ -240,7 +240,7 @@ def locking_torque(axle_torque: Any, rim_difference: Any, p: DoubleTrackConstant
 @jitable
 def relaxed(kinematic: Any, slip: Any, speed: Any, length: Any) -> Any:
     """Rate [1/s] at which a slip follows the kinematic one over a rolled length [m]."""
-    return maximum(speed, MIN_RELAXATION_SPEED) / length * (kinematic - slip)
+    return maximum(absolute(speed), MIN_RELAXATION_SPEED) / length * (kinematic - slip)
 
 
 @jitable
@@ -275,8 +275,8 @@ def double_track_motion(r: Any, v: Any, beta: Any, omega_r: Any, psi: Any, own: 
     left, right = road_wheel_angles(steering, forces.front_left + forces.front_right, p)
     w = wheel_motion(r, v, beta, omega_r, left, right, own.rim_difference, own.roll_rate, p)
     ground_x, ground_y, m_z = ground_wrench(forces, left, right, p)
-    ground_x = ground_x - p.rolling_resistance * p.mass * p.gravity
-    drag = p.aero_drag * v * v
+    ground_x = ground_x - p.rolling_resistance * p.mass * p.gravity * forwards(v)
+    drag = p.aero_drag * v * absolute(v)
     wrench = ground_x - drag * cos(beta), ground_y - drag * sin(beta), m_z
     f_x, f_y, m_z = with_double_track_forces(r, v, beta, omega_r, psi, p, q, NO_INTERNAL_STATES, wrench)
     a_x, a_y = (f_x + force_x) / p.mass, (f_y + force_y) / p.mass
@@ -329,6 +329,6 @@ def settled_states(r: Any, v: Any, beta: Any, omega_r: Any, delta: Any, tau: Any
             forces = wheel_forces(own, p)
             left, right = road_wheel_angles(steering, forces.front_left + forces.front_right, p)
             f_x, f_y, _ = ground_wrench(forces, left, right, p)
-            a_x, a_y = f_x / p.mass - p.rolling_resistance * p.gravity, f_y / p.mass
+            a_x, a_y = f_x / p.mass - p.rolling_resistance * p.gravity * forwards(v), f_y / p.mass
             roll = arm * a_y / roll_stiffness
     return own

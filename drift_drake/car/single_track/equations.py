@@ -54,7 +54,7 @@ def wheel_rate(omega_r: Any, constants: Any, effects: Any) -> Any:
     """Rate [1/s] at which the driven rim settles in grip."""
     p = changed_constants(constants, effects)
     stiffness = (p.rear_stiffness + p.front_coupling * p.front_stiffness) * (1.0 + effects.longitudinal_stiffness_error)
-    return stiffness * p.wheel_radius**2 / (p.rear_axle_inertia * max(omega_r, MIN_SLIP_SPEED))
+    return stiffness * p.wheel_radius**2 / (p.rear_axle_inertia * max(abs(omega_r), MIN_SLIP_SPEED))
 
 
 @jitable
@@ -71,4 +71,4 @@ def decays(z: Any, constants: Any, effects: Any, out: Any) -> None:  # noqa: ARG
 
 @jitable
 def _relaxation(v: Any, effects: Any) -> Any:
-    return max(v, 1.0) / effects.tyre_relaxation if effects.tyre_relaxation > 0.0 else 0.0
+    return max(abs(v), 1.0) / effects.tyre_relaxation if effects.tyre_relaxation > 0.0 else 0.0

@@ -3,6 +3,9 @@
 State (r, v, beta, omega_r, e, dphi): yaw rate [rad/s], speed [m/s], sideslip [rad], rear rim speed [m/s], lateral
 [m] and course [rad] deviation from the path. Input (delta, tau): road-wheel angle [rad], engine torque [N m].
 ISO 8855: x forward, y left, z up. The small functions are shared by the nominal car and the car with effects.
+
+A car that backs up has a negative speed and a small sideslip: so all rates are smooth where it stops and goes back. Slips
+are divided by a speed's magnitude, held above a floor (Bernard and Clover 1995), and the course's rate by the speed.
 """
 
 import math
@@ -12,7 +15,7 @@ import numpy as np
 
 from drift_drake.car.compilation import compiled
 from drift_drake.car.parameters import Constants
-from drift_drake.car.scalar import cos, jitable, maximum, sin
+from drift_drake.car.scalar import absolute, cos, jitable, maximum, signed_floor, sin
 from drift_drake.car.tyre import tyre_force, tyre_gradient
 from drift_drake.common.arrays import Array
 
@@ -20,7 +23,7 @@ STATES = ("r", "v", "beta", "omega_r", "e", "dphi")
 INPUTS = ("delta", "tau")
 
 MIN_SLIP_SPEED = 0.5  # [m/s] floor of the speed that slips are divided by
-MIN_SPEED = 0.1  # [m/s] floor of the speed that the course rate is divided by; the model is not meant for standstill
+MIN_SPEED = 0.1  # [m/s] floor of the speed that the course rate is divided by
 
 
 class Motion(NamedTuple):
@@ -48,7 +51,7 @@ def front_slip(v_x: Any, v_y: Any, omega_r: Any, coupling: Any) -> tuple[Any, An
     Its rim rolls freely (coupling 0: no longitudinal slip), turns with the rear's (1), or in between.
     """
     excess = coupling * (omega_r - v_x)
-    rolling = maximum(v_x + excess, MIN_SLIP_SPEED)
+    rolling = maximum(absolute(v_x + excess), MIN_SLIP_SPEED)
     return excess / rolling, v_y / rolling
 
 
@@ -56,7 +59,7 @@ def front_slip(v_x: Any, v_y: Any, omega_r: Any, coupling: Any) -> tuple[Any, An
 def rear_slip(r: Any, v: Any, beta: Any, omega_r: Any, b: Any) -> tuple[Any, Any]:
     """Longitudinal and lateral slip (sigma_x, sigma_y) of the driven rear axle."""
     u_x, u_y = v * cos(beta), v * sin(beta) - b * r
-    rolling = maximum(omega_r, MIN_SLIP_SPEED)
+    rolling = maximum(absolute(omega_r), MIN_SLIP_SPEED)
     return (omega_r - u_x) / rolling, u_y / rolling
 
 
@@ -79,7 +82,7 @@ def body_wrench(delta: Any, f_xf: Any, f_yf: Any, f_xr: Any, f_yr: Any, a: Any, 
 def planar_motion(r: Any, v: Any, beta: Any, a_x: Any, a_y: Any) -> tuple[Any, Any]:
     """(v_dot, beta_dot) of a body with the acceleration (a_x, a_y) [m/s^2] in its own frame."""
     course_acceleration = a_y * cos(beta) - a_x * sin(beta)
-    return a_x * cos(beta) + a_y * sin(beta), course_acceleration / maximum(v, MIN_SPEED) - r
+    return a_x * cos(beta) + a_y * sin(beta), course_acceleration / signed_floor(v, MIN_SPEED) - r
 
 
 @jitable
@@ -149,9 +152,9 @@ def slip_point(r: Any, v: Any, beta: Any, omega_r: Any, delta: Any, p: Constants
     front_y = u_y + lf * r
     v_x, v_y = u_x * cd + front_y * sd, -u_x * sd + front_y * cd
     rim_f = v_x + share * (omega_r - v_x)
-    floor_f, floor_r = rim_f <= MIN_SLIP_SPEED, omega_r <= MIN_SLIP_SPEED
-    den_f = MIN_SLIP_SPEED if floor_f else rim_f
-    den_r = MIN_SLIP_SPEED if floor_r else omega_r
+    floor_f, floor_r = abs(rim_f) <= MIN_SLIP_SPEED, abs(omega_r) <= MIN_SLIP_SPEED
+    den_f = MIN_SLIP_SPEED if floor_f else abs(rim_f)
+    den_r = MIN_SLIP_SPEED if floor_r else abs(omega_r)
     slip[0], slip[1] = share * (omega_r - v_x) / den_f, v_y / den_f
     slip[2], slip[3] = (omega_r - u_x) / den_r, (u_y - lr * r) / den_r
     for j in range(5):
@@ -161,8 +164,8 @@ def slip_point(r: Any, v: Any, beta: Any, omega_r: Any, delta: Any, p: Constants
         dv_y = -du_x[j] * sd + dfront_y * cd - steer * v_x
         spin = 1.0 if j == 3 else 0.0
         dexcess = share * (spin - dv_x)
-        dden_f = 0.0 if floor_f else dv_x + dexcess
-        dden_r = 0.0 if floor_r else spin
+        dden_f = 0.0 if floor_f else math.copysign(1.0, rim_f) * (dv_x + dexcess)
+        dden_r = 0.0 if floor_r else math.copysign(spin, omega_r)
         gradient[0, j], gradient[1, j] = (dexcess - slip[0] * dden_f) / den_f, (dv_y - slip[1] * dden_f) / den_f
         gradient[2, j] = (spin - du_x[j] - slip[2] * dden_r) / den_r
         gradient[3, j] = (du_y[j] - (lr if j == 0 else 0.0) - slip[3] * dden_r) / den_r
@@ -186,8 +189,7 @@ def linearize_point(x: Any, u: Any, curvature: Any, p: Constants, x_dot: Any, a:
         slip[0], slip[1], p.front_stiffness, p.friction * f_zf, p.tyre
     )
     _, _, k_xx, k_xy, k_yx, k_yy = tyre_gradient(slip[2], slip[3], p.rear_stiffness, p.friction * f_zr, p.tyre)
-    slow = v <= MIN_SPEED
-    v_floor = MIN_SPEED if slow else v
+    slow, v_floor = abs(v) <= MIN_SPEED, signed_floor(v, MIN_SPEED)
     course = rates.a_y * cb - rates.a_x * sb
     for j in range(5):
         steer = 1.0 if j == 4 else 0.0

@@ -17,7 +17,7 @@ from drift_drake.car.effects.magnitudes import (
     with_forces,
 )
 from drift_drake.car.parameters import Constants
-from drift_drake.car.scalar import clip, cos, exp, jitable, maximum, minimum, norm2, select, sin, switched, tanh
+from drift_drake.car.scalar import absolute, clip, cos, exp, jitable, maximum, minimum, norm2, select, sin, switched, tanh
 from drift_drake.car.single_track.motion import (
     Motion,
     body_wrench,
@@ -91,7 +91,7 @@ def shifted_loads(a_x: Any, p: Constants, q: Effects) -> tuple[Any, Any]:
 @jitable
 def relaxation_rate(speed: Any, slip: Any, kinematic: Any, q: Effects) -> Any:
     """Rate [1/s] of a lateral slip that follows the kinematic one over a length; speed [m/s] of the contact point."""
-    rate = maximum(speed, 1.0) / maximum(q.tyre_relaxation, 1e-3) * (kinematic - slip)
+    rate = maximum(absolute(speed), 1.0) / maximum(q.tyre_relaxation, 1e-3) * (kinematic - slip)
     return rate * select(0.0, q.tyre_relaxation, 1.0, 0.0)
 
 

@@ -1,5 +1,6 @@
-"""Which rows of a run a single-track car can be asked about: not those of a spin, of reversing, nor of standstill."""
+"""Which rows of a run a car's equations can be asked about: not those of a spin nor of standstill; reversing."""
 
+import dataclasses
 from collections.abc import Iterable
 
 import numpy as np
@@ -48,6 +49,27 @@ def reversing(run: Run, vehicle: VehicleParameters) -> np.ndarray:
     turned = spans((np.abs(run.beta) > SPUN) & (run.v >= slowest_asked(vehicle)))
     least = SUSTAINED / run.period
     return in_spans([(a, b) for a, b in turned if 2 * np.count_nonzero(backwards[a:b]) > b - a >= least], len(run))
+
+
+def backing(run: Run, vehicle: VehicleParameters) -> np.ndarray:
+    """Rows [rows] (bool) of `reversing` that the equations can be asked about: neither slow nor turned across."""
+    if run.beta is None:
+        return np.zeros(len(run), dtype=np.bool_)
+    along = (run.v >= slowest_asked(vehicle)) & (np.abs(run.beta) >= np.pi - SPUN)
+    return along & reversing(run, vehicle)
+
+
+def turned_back(run: Run) -> Run:
+    """A run that reverses throughout, as the equations take it: a negative speed and a small sideslip.
+
+    A rim speed that is read without its sign gets that of the speed.
+    """
+    assert run.beta is not None
+    beta = np.angle(-np.exp(1j * run.beta))
+    omega_r = run.omega_r
+    if omega_r is not None and np.median(omega_r) > 0.0:
+        omega_r = -omega_r
+    return dataclasses.replace(run, v=-run.v, beta=beta, omega_r=omega_r, trusted=(*run.trusted, "v"))
 
 
 def in_spans(stretches: Iterable[tuple[int, int]], count: int) -> np.ndarray:

@@ -4,8 +4,8 @@ State (r, v, beta, omega_r, e, dphi): yaw rate [rad/s], speed [m/s], sideslip [r
 [m] and course [rad] deviation from the path. Input (delta, tau): road-wheel angle [rad], engine torque [N m].
 ISO 8855: x forward, y left, z up. The small functions are shared by the nominal car and the car with effects.
 
-A car that backs up has a negative speed and a small sideslip: so all rates are smooth where it stops and goes back. Slips
-are divided by a speed's magnitude, held above a floor (Bernard and Clover 1995), and the course's rate by the speed.
+A car that backs up has a negative speed and a small sideslip: so all rates are smooth where it stops. Slips are divided
+by a speed's magnitude, held above a floor (Bernard and Clover 1995), and the course's rate by the speed.
 """
 
 import math

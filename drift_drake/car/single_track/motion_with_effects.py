@@ -17,7 +17,20 @@ from drift_drake.car.effects.magnitudes import (
     with_forces,
 )
 from drift_drake.car.parameters import Constants
-from drift_drake.car.scalar import absolute, clip, cos, exp, jitable, maximum, minimum, norm2, select, sin, switched, tanh
+from drift_drake.car.scalar import (
+    absolute,
+    clip,
+    cos,
+    exp,
+    jitable,
+    maximum,
+    minimum,
+    norm2,
+    select,
+    sin,
+    switched,
+    tanh,
+)
 from drift_drake.car.single_track.motion import (
     Motion,
     body_wrench,

@@ -18,12 +18,12 @@ from drift_drake.car.scalar import jitable
 from drift_drake.gap.estimation.filter_state import (
     CORRECTED,
     MEASURED,
-    MIN_FILTER_SPEED,
     SIZE,
     SUBSTEPS,
     UNRELAXED,
     advance_row,
     first_state,
+    hold_speeds,
     linearise,
     predict_measurement,
     rates_of,
@@ -223,8 +223,7 @@ def correct(y: Any, used: Any, predicted: Any, gain: Any, whitening: Any, nu: An
         for j in range(MEASURED):
             total += gain[i, j] * nu[j]
         z[i] += total
-    z[1] = max(z[1], MIN_FILTER_SPEED)
-    z[3] = max(z[3], 0.0)
+    hold_speeds(z)
 
 
 @compiled

@@ -20,7 +20,7 @@ from drift_drake.car.effects.magnitudes import (
     unbiased,
 )
 from drift_drake.car.integrate import runge_kutta
-from drift_drake.car.scalar import cos, fixed_tuple, jitable, sin
+from drift_drake.car.scalar import cos, fixed_tuple, jitable, signed_floor, sin
 from drift_drake.car.single_track.equations import HELD, wheel_rate
 from drift_drake.car.single_track.motion_with_effects import (
     motion_with_effects,
@@ -37,7 +37,9 @@ UNRELAXED = 7  # of the corrected, that are left where tyres do not relax: none 
 FREE = 5  # of them, by which others move: none does by the place
 STABLE = 2.5  # rate times step up to which Runge-Kutta steps and the transition are stable
 MOST_SPLITS, MOST_SQUARINGS = 15, 8
-MIN_FILTER_SPEED = 0.6  # [m/s] at which estimated speeds are held: the slips' floors are no model of standstill
+MIN_FILTER_SPEED = (
+    0.6  # [m/s] at which estimated speeds are held, either way: the slips' floors are no model of standstill
+)
 
 
 @jitable
@@ -103,6 +105,13 @@ def commanded(delta: Any, torque: Any, place: Any) -> Any:
 
 
 @jitable
+def hold_speeds(z: Any) -> None:
+    """Holds an estimated speed from standstill, and its rim from turning against it, in place."""
+    z[1] = signed_floor(z[1], MIN_FILTER_SPEED)
+    z[3] = max(z[3], 0.0) if z[1] > 0.0 else min(z[3], 0.0)
+
+
+@jitable
 def filter_step(
     z: Any,
     delta: Any,
@@ -122,8 +131,7 @@ def filter_step(
     """
     first, middle = commanded(delta, torque, at), commanded(delta, torque, 0.5 * (at + end))
     runge_kutta(_rates, z, first, middle, commanded(delta, torque, end), h, (constants, effects, wrench), k, w)
-    z[1] = max(z[1], MIN_FILTER_SPEED)
-    z[3] = max(z[3], 0.0)
+    hold_speeds(z)
 
 
 @compiled
@@ -147,7 +155,7 @@ def first_state(y: Any, first: Any, used: Any, delta: Any, torque: Any, constant
     """The filter's first state: what its first row measures, sensors' biases taken out, and settled effects."""
     r, v, beta, omega_r = unbiased(y[first, 0], y[first, 1], y[first, 2], y[first, 3], effects)
     z[0] = r
-    z[1] = max(v, MIN_FILTER_SPEED)
+    z[1] = signed_floor(v, MIN_FILTER_SPEED)
     z[2] = beta if used[2] else y[first, 2]
     z[3] = omega_r if used[3] else z[1]
     for i in range(3):

@@ -58,9 +58,9 @@ def state_functions(problem: Problem, fit: Fitted, states: np.ndarray, index: in
     constants, _ = car(problem, fit.theta, fit.names)
     r, v, beta, omega_r, psi = (states[:, i] for i in range(5))
     u_x, u_y = v * np.cos(beta), v * np.sin(beta)
-    rear_x = (omega_r - u_x) / np.maximum(omega_r, MIN_SLIP_SPEED)
-    rear_y = (u_y - constants.rear_axle_distance * r) / np.maximum(omega_r, MIN_SLIP_SPEED)
-    front_y = (u_y + constants.front_axle_distance * r) / np.maximum(u_x, MIN_SLIP_SPEED) - run.delta
+    rear_x = (omega_r - u_x) / np.maximum(np.abs(omega_r), MIN_SLIP_SPEED)
+    rear_y = (u_y - constants.rear_axle_distance * r) / np.maximum(np.abs(omega_r), MIN_SLIP_SPEED)
+    front_y = (u_y + constants.front_axle_distance * r) / np.maximum(np.abs(u_x), MIN_SLIP_SPEED) - run.delta
     front_grip = 3.0 * constants.friction * constants.mass * constants.gravity / 2.0 / constants.front_stiffness
     rear_grip = 3.0 * constants.friction * constants.mass * constants.gravity / 2.0 / constants.rear_stiffness
     slip = np.hypot(rear_x, rear_y)

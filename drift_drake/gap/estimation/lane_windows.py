@@ -14,7 +14,7 @@ from drift_drake.car.effects.magnitudes import unbiased
 from drift_drake.car.equations import fastest, rates, settle
 from drift_drake.car.integrate import runge_kutta
 from drift_drake.car.lanes import LANES, load_lanes
-from drift_drake.car.scalar import jitable, maximum, stored
+from drift_drake.car.scalar import jitable, signed_floor, stored
 from drift_drake.gap.estimation.filter_state import MIN_FILTER_SPEED
 
 LEAD = 1.5  # [s]; what rolls or relaxes forgets faster
@@ -37,7 +37,7 @@ def _measured_state(y: Any, effects: Any, speeds_only: Any, z: Any) -> None:
         stored(z, 0, r)
         stored(z, 2, beta)
         stored(z, 4, load_lanes(y, 4))
-    stored(z, 1, maximum(v, MIN_FILTER_SPEED))
+    stored(z, 1, signed_floor(v, MIN_FILTER_SPEED))
     stored(z, 3, omega_r)
 
 
@@ -64,7 +64,7 @@ def _copied(x: Any, lane: Any, out: Any) -> None:
 def _steps(x: Any, period: Any, constants: Any, effects: Any, bounds: Any, z: Any) -> Any:
     """Runge-Kutta steps that a row takes in all lanes; z: scratch [size]."""
     step, per_rate, most = bounds
-    z[1] = np.max(x[LANES : 2 * LANES])
+    z[1] = max(np.max(x[LANES : 2 * LANES]), -np.min(x[LANES : 2 * LANES]))
     by_time = int(np.ceil(period / step - 1e-9))
     return min(max(by_time, int(period * fastest(z, constants, effects) / per_rate) + 1), most)
 
@@ -84,8 +84,9 @@ def _advance(x: Any, row: Any, period: Any, steps: Any, delta: Any, torque: Any,
         runge_kutta(rates, x, begin, middle, end, period / steps, car, k, w)
         begin = end
         for lane in range(LANES):
-            x[LANES + lane] = max(x[LANES + lane], MIN_FILTER_SPEED)
-            x[3 * LANES + lane] = max(x[3 * LANES + lane], 0.0)
+            v, omega_r = x[LANES + lane], x[3 * LANES + lane]
+            x[LANES + lane] = signed_floor(v, MIN_FILTER_SPEED)
+            x[3 * LANES + lane] = min(omega_r, 0.0) if v < 0.0 else max(omega_r, 0.0)
 
 
 @jitable

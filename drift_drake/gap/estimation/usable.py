@@ -1,4 +1,4 @@
-"""What an estimator can use of runs: parts that go forwards, not spun, and measured; effects that the columns show."""
+"""What an estimator can use of runs: parts that drive, not spun, and measured; effects that the columns show."""
 
 import dataclasses
 from collections.abc import Sequence
@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from drift_drake.car.effects.catalogue import CATALOGUE
-from drift_drake.car.log.driving import driven, in_spans, reversing, slowest_asked, spans
+from drift_drake.car.log.driving import backing, driven, in_spans, reversing, slowest_asked, spans, turned_back
 from drift_drake.car.log.table import OPTIONAL, SHORTEST_RUN, InvalidLogError, Run
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.gap.estimation.pieces import lasting, pieces_of, spread
@@ -24,7 +24,7 @@ ROUNDING = 1e-6  # [s]
 
 
 def usable(runs: Sequence[Run], vehicle: VehicleParameters) -> tuple[list[Run], list[str]]:
-    """Runs without bad samples, cut where they spin, reverse, stand or freeze, each part a run of its own; warnings.
+    """Runs without bad samples, cut where they spin, stand, turn back or freeze, each part a run of its own; warnings.
 
     Raises:
         InvalidLogError: too little is left.
@@ -40,9 +40,9 @@ def least_part(vehicle: VehicleParameters) -> float:
 
 
 def usable_parts(
-    runs: Sequence[Run], clean: Sequence[Screened], vehicle: VehicleParameters
+    runs: Sequence[Run], clean: Sequence[Screened], vehicle: VehicleParameters, reverse: bool = True
 ) -> tuple[list[Run], list[str]]:
-    """`usable` of runs that have been screened: `clean`."""
+    """`usable` of runs that have been screened: `clean`; reverse: parts that reverse can be used."""
     kept: list[Run] = []
     warnings: list[str] = []
     lost: dict[str, float] = {}
@@ -50,14 +50,17 @@ def usable_parts(
         run = dataclasses.replace(one.run, filled=one.mask()) if one.bad else one.run
         frozen = one.mask(LONGEST_FILLED / run.period) | bool(one.dead)
         least = max(round(least_part(vehicle) / run.period), SHORTEST_RUN)  # rows of a part
-        parts = [(a, b) for a, b in spans(driven(run, vehicle) & ~frozen) if b - a >= least]
-        if parts != [(0, len(run))]:
-            warnings.append(_left_out(run, vehicle, frozen, parts, least))
-            for kind, rows in _kinds(run, vehicle, frozen, parts).items():
+        back = backing(run, vehicle) & ~frozen & reverse
+        ways = (*spans(driven(run, vehicle) & ~frozen), *spans(back))
+        parts = sorted((a, b) for a, b in ways if b - a >= least)
+        if not in_spans(parts, len(run)).all():
+            warnings.append(_left_out(run, vehicle, frozen, back, parts, least))
+            for kind, rows in _kinds(run, vehicle, frozen, back, parts).items():
                 lost[kind] = lost.get(kind, 0.0) + float(np.count_nonzero(rows)) * run.period
         for number, (a, b) in enumerate(parts):
             name = run.name if len(parts) == 1 else f"{run.name}_{number}"
-            kept.append(dataclasses.replace(run.rows(a, b), name=name, recording=run.name))
+            part = dataclasses.replace(run.rows(a, b), name=name, recording=run.name)
+            kept.append(turned_back(part) if back[a] else part)
     if len(warnings) > LISTED:
         warnings = [_in_all(runs, kept, lost, len(warnings))]
     _check_enough(runs, kept, vehicle)
@@ -65,10 +68,11 @@ def usable_parts(
 
 
 def _left_out(
-    run: Run, vehicle: VehicleParameters, frozen: np.ndarray, parts: Sequence[tuple[int, int]], least: int
-) -> str:
+    run: Run, vehicle: VehicleParameters, frozen: np.ndarray, back: np.ndarray, parts: Sequence[tuple[int, int]],
+    least: int,
+) -> str:  # fmt: skip
     """What of one run is not used, and why."""
-    kinds = _kinds(run, vehicle, frozen, parts)
+    kinds = _kinds(run, vehicle, frozen, back, parts)
     short = kinds.pop(SHORT, None)
     why = "; ".join(f"{kind} {_times(run, rows)}" for kind, rows in kinds.items() if np.any(rows))
     if not parts:
@@ -114,15 +118,15 @@ def _with_road(runs: Sequence[Run], names: list[str]) -> tuple[list[str], list[s
 
 
 def _kinds(
-    run: Run, vehicle: VehicleParameters, frozen: np.ndarray, parts: Sequence[tuple[int, int]]
+    run: Run, vehicle: VehicleParameters, frozen: np.ndarray, used_back: np.ndarray, parts: Sequence[tuple[int, int]]
 ) -> dict[str, np.ndarray]:
     """By reason why they are not used, rows [rows] (bool) outside of the parts."""
     slow = run.v < slowest_asked(vehicle)
     back = reversing(run, vehicle)
-    good = driven(run, vehicle)
+    good = driven(run, vehicle) | used_back
     return {
         f"slower than the {slowest_asked(vehicle):.2g} m/s that slips need": slow,
-        "reversing, which the equations do not have,": back,
+        "reversing": back & ~good & ~slow,
         "a spin": ~good & ~slow & ~back,
         "frozen columns": frozen,
         SHORT: good & ~frozen & ~in_spans(parts, len(run)),
@@ -139,7 +143,7 @@ def _times(run: Run, rows: np.ndarray) -> str:
 
 def _check_enough(runs: Sequence[Run], kept: Sequence[Run], vehicle: VehicleParameters) -> None:
     enough = (
-        f"{LEAST_TOTAL:g} s in all, in parts of {least_part(vehicle):.2g} s or more, forwards and faster than "
+        f"{LEAST_TOTAL:g} s in all, in parts of {least_part(vehicle):.2g} s or more, faster than "
         f"{slowest_asked(vehicle):.2g} m/s, would be enough"
     )
     fastest = max(float(np.max(run.v)) for run in runs)

@@ -25,8 +25,8 @@ from drift_drake.car.integrate import runge_kutta
 from drift_drake.car.log.table import Run
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.car.road import NO_WRENCH, on_road, with_bank
-from drift_drake.car.scalar import jitable
-from drift_drake.gap.estimation.filter_state import CHANNELS, MIN_FILTER_SPEED, commanded
+from drift_drake.car.scalar import jitable, signed_floor
+from drift_drake.gap.estimation.filter_state import CHANNELS, MIN_FILTER_SPEED, commanded, hold_speeds
 from drift_drake.gap.estimation.lane_windows import predict_in_lanes
 from drift_drake.gap.estimation.run_data import RunData, prepare_run
 from drift_drake.gap.estimation.simulated_windows import simulated_errors
@@ -142,15 +142,14 @@ def _advance(z: Any, delta: Any, torque: Any, row: Any, period: Any, constants: 
             z[3] = fed_from[1] + share * (fed_to[1] - fed_from[1])
         runge_kutta(rates, z, commanded(delta, torque, at), commanded(delta, torque, 0.5 * (at + end)),
                     commanded(delta, torque, end), h, (constants, effects, wrench), k, w)  # fmt: skip
-        z[1] = max(z[1], MIN_FILTER_SPEED)
-        z[3] = max(z[3], 0.0)
+        hold_speeds(z)
 
 
 @jitable
 def _measured_state(y: Any, effects: Any, z: Any) -> Any:
     """The car's states from what sensors read, their errors taken out."""
     z[0], v, z[2], z[3] = unbiased(y[0], y[1], y[2], y[3], effects)
-    z[1] = max(v, MIN_FILTER_SPEED)
+    z[1] = signed_floor(v, MIN_FILTER_SPEED)
     z[4] = y[4]
 
 
@@ -286,7 +285,7 @@ def regimes(run: WindowedRun) -> np.ndarray:
     """How hard each window is driven [windows, 4]: most speed [m/s], r v [m/s^2], sideslip [rad], rim slip [-]."""
     rows = run.starts[:, None] + np.arange(0, HORIZONS * run.stride_rows + 1, max(run.stride_rows // 4, 1))
     r, v, beta, omega_r = (run.start_y[rows, i] for i in range(4))
-    parts = (v, np.abs(r * v), np.abs(beta), np.abs(omega_r - v * np.cos(beta)) / np.maximum(v, 1.0))
+    parts = (np.abs(v), np.abs(r * v), np.abs(beta), np.abs(omega_r - v * np.cos(beta)) / np.maximum(np.abs(v), 1.0))
     return np.stack([part.max(axis=1) for part in parts], axis=-1)
 
 

@@ -80,7 +80,7 @@ def onsets(by_run: dict[str, float], gaps: Iterable[tuple[str, np.ndarray, np.nd
 def region_of(v: np.ndarray, r: np.ndarray, beta: np.ndarray, grip: float) -> np.ndarray:
     """Index [rows] of each row's operating region among `region_names`; `grip` is the friction limit [m/s^2]."""
     lateral = np.abs(v * r) / grip
-    speed = np.digitize(v, SPEEDS[1:-1])
+    speed = np.digitize(np.abs(v), SPEEDS[1:-1])
     use = np.digitize(lateral, FRICTION_USES[1:-1])
     slides = (np.abs(beta) > SLIDING).astype(int)
     return np.asarray((slides * (len(SPEEDS) - 1) + speed) * (len(FRICTION_USES) - 1) + use)

@@ -140,7 +140,7 @@ def driving_of(runs: Sequence[Run], vehicle: VehicleParameters) -> Driving:
         v, r = (smoothed(values, run.period, CALM) for values in (run.v, run.r))
         seconds.append(np.full(len(run), run.period))
         lateral.append(v * r / limit)
-        forward.append(np.gradient(v, run.period) / limit)
+        forward.append(np.gradient(np.abs(v), run.period) / limit)
         change.append(np.abs(np.gradient(lateral[-1], run.period)))
     dt, side, along = np.concatenate(seconds), np.concatenate(lateral), np.concatenate(forward)
     torque = all(run.tau_cmd is not None for run in runs)  # else speeds are fed, and friction shows in turns alone

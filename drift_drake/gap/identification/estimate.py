@@ -55,7 +55,7 @@ def effect_ranges(
     names: Sequence[str], vehicle: VehicleParameters, runs: Sequence[Run]
 ) -> dict[str, tuple[float, float]]:
     """Flat priors of the effects, on the car's own scale; the diagnosis's ranges are a full-size car's."""
-    top = max(float(np.max(run.v)) for run in runs)
+    top = max(float(np.max(np.abs(run.v))) for run in runs)
     weight = vehicle.mass * vehicle.gravity
     retardation = {"N s^2/m^2": weight / top**2, "-": 1.0, "N m": weight * vehicle.wheel_radius, "N": weight}
     own: dict[str, tuple[float, float]] = {}

@@ -80,7 +80,7 @@ def identify(
     tell = progress or (lambda _stage, _share: None)
     check_effect_names(known, names)
     vehicle, first = first.single_track(), first_of_kind(first, kind)
-    runs, _, warnings = admit(runs, vehicle)
+    runs, _, warnings = admit(runs, first)
     warnings += [
         f"effect {name}: calibrated anyway, as a parameter of the vehicle file" for name in names if name in OWN
     ]

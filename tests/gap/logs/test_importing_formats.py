@@ -225,7 +225,20 @@ def test_reversing_is_cut_and_reported_and_a_spin_is_not(tmp_path):
     runs, report = import_recordings([tmp_path / "one.csv"], mapping_from_dict(PLAIN))
     assert len(runs) == 2
     assert any("the car reverses from 2." in text for text in report.remarks)
+    assert any("cut out, since there is no sideslip" in text for text in report.remarks)
     assert all(np.min(run.v) >= -0.5 for run in runs)
+
+    def with_sideslip(t):
+        vx = 10.0 * np.cos(0.6 * t)
+        return {"vx": vx, "vy": 0.02 * vx, "r": 0.0 * t, "delta_cmd": 0.001 * np.sin(t)}
+
+    plain(with_sideslip).to_csv(tmp_path / "three.csv", index=False)
+    signals = PLAIN["signals"] | {name: {"column": name, "unit": "m/s"} for name in ("vx", "vy")}
+    signals.pop("v")
+    runs, report = import_recordings([tmp_path / "three.csv"], mapping_from_dict(PLAIN | {"signals": signals}))
+    assert any("the car reverses from 2." in text and "a run of its own" in text for text in report.remarks)
+    assert [bool(np.median(np.abs(run.beta)) > 3.0) for run in runs] == [False, True, False]
+    assert all(np.min(run.v) >= 0.0 for run in runs)
 
     def spinning(t):
         beta = np.clip(t - 5.0, 0.0, 2.8)

@@ -87,7 +87,7 @@ def diagnose_change(
     began = time.perf_counter()
     tell = progress or (lambda _stage, _share: None)
     constants = constants or PRIORS
-    runs, doubts, warnings = admit(runs, vehicle.single_track())
+    runs, doubts, warnings = admit(runs, vehicle)
     names, more = seen_effects(runs, [name for name in normal.names if name in catalogue])
     tell("errors and their derivatives", 0.0)
     search = search_of(runs, vehicle, normal, own, names, case, workers)

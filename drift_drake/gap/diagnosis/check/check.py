@@ -86,7 +86,7 @@ def _with_vehicle(
 
     whole, own, tolerances, _ = vehicle_given(car)
     vehicle = whole.single_track()
-    kept, doubts, warnings = admit(given.runs, vehicle)
+    kept, doubts, warnings = admit(given.runs, whole)
     stated = {doubt.sentence for doubt in doubts if doubt.column is not None}  # by what is asked of the columns already
     warnings = [warning for warning in warnings if warning not in stated]
     names, grip = region_names(), vehicle.friction * vehicle.gravity

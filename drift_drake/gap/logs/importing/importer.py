@@ -94,15 +94,19 @@ def import_recordings(
         found, clocks[label], sentences = _pieces(Path(path), label, recording, mapping, start, end)
         pieces += found
         remarks += [f"{label}: {sentence}" for sentence in sentences]
-    doubts, wrong = doubts_of([(piece.label, piece.columns) for piece in pieces], PERIOD, mapping)
-    for piece in pieces:
+    ahead = [piece for piece in pieces if not piece.reverses]
+    doubts, wrong = doubts_of([(piece.label, piece.columns) for piece in ahead], PERIOD, mapping)
+    for piece in ahead:
         wrong[piece.label] += [
             doubt for doubt in course_doubts(piece.columns, PERIOD) if doubt not in wrong[piece.label]
         ]
     runs = [_run(piece, mapping, wrong[piece.label]) for piece in pieces]
     once, same = without_repeated(runs)
     pieces = [piece for piece, run in zip(pieces, runs, strict=True) if any(run is other for other in once)]
-    reports = [_report(piece, run, wrong[piece.label]) for piece, run in zip(pieces, once, strict=True)]
+    reports = [
+        _report(piece, run, [] if piece.reverses else wrong[piece.label])
+        for piece, run in zip(pieces, once, strict=True)
+    ]
     remarks += [f"{report.name}: {sentence}" for report in reports for sentence in report.remarks]
     remarks += [f"{', '.join(clocks)}: {sentence}" for sentence in same]
     return once, ImportReport(mapping.recorder, clocks, reports, remarks, doubts.unchecked)
@@ -110,7 +114,10 @@ def import_recordings(
 
 @dataclasses.dataclass(frozen=True)
 class Piece:
-    """A part of a recording that is a run, before it is one. noise: of one reading (SI), of other clocks' signals."""
+    """A part of a recording that is a run, before it is one. noise: of one reading (SI), of other clocks' signals.
+
+    reverses: it drives backwards throughout, which what checks columns by each other does not take into account.
+    """
 
     path: Path
     name: str
@@ -118,12 +125,15 @@ class Piece:
     stretch: Stretch
     noise: dict[str, float]
     columns: dict[str, Array]
+    reverses: bool
 
 
 def _pieces(
     path: Path, label: str, recording: Recording, mapping: RecorderMapping, start: float, end: float
 ) -> tuple[list[Piece], dict[str, ClockReport], list[str]]:
-    """The forward driving of a recording, the offsets of its clocks, and sentences on it.
+    """The driving of a recording, the offsets of its clocks, and sentences on it.
+
+    Where it reverses is a run of its own, and left out where no sideslip says so.
 
     Raises:
         InvalidRecordingError: there is too little.
@@ -150,14 +160,17 @@ def _pieces(
         backwards = reversing_rows(columns, PERIOD)
         back.append(backwards)
         times.append(t)
-        forwards = [slice(a, b) for a, b in spans(~backwards) if b - a >= SHORTEST_RUN]
-        parts += [(stretch, {"t": t[part]} | {k: a[part] for k, a in columns.items()}) for part in forwards]
-    if not parts:
-        raise InvalidRecordingError(f"{path}: holds no {SHORTEST_RUN} rows of forward driving; leave it out")
+        ways = [(a, b) for a, b in (*spans(~backwards), *(spans(backwards) if "beta" in columns else ()))]
+        for a, b in sorted(way for way in ways if way[1] - way[0] >= SHORTEST_RUN):
+            taken = {"t": t[a:b]} | {k: values[a:b] for k, values in columns.items()}
+            parts.append((stretch, taken, bool(backwards[a])))
+    if all(reverses for _, _, reverses in parts):
+        raise InvalidRecordingError(f"{path}: holds no {SHORTEST_RUN} rows of driving forwards; leave it out")
     names = [label if len(parts) == 1 else f"{label}_{number}" for number in range(len(parts))]
-    pieces = [Piece(path, name, label, stretch, noise, columns)
-              for name, (stretch, columns) in zip(names, parts, strict=True)]  # fmt: skip
-    reversed_ = reversing_sentence(np.concatenate(times), spans(np.concatenate(back)))
+    pieces = [Piece(path, name, label, stretch, noise, columns, reverses)
+              for name, (stretch, columns, reverses) in zip(names, parts, strict=True)]  # fmt: skip
+    kept_back = any(piece.reverses for piece in pieces)
+    reversed_ = reversing_sentence(np.concatenate(times), spans(np.concatenate(back)), kept_back)
     return pieces, offsets, [*doubted, *recording.remarks, *wrong, *_slow_columns(recording), *reversed_]
 
 

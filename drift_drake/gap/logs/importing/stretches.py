@@ -1,4 +1,4 @@
-"""What is worth keeping of a recording: forward stretches in motion without gaps, each with the vehicle's motion."""
+"""What is worth keeping of a recording: stretches in motion without gaps, each with the vehicle's motion."""
 
 import dataclasses
 import itertools
@@ -184,10 +184,12 @@ def reversing_rows(columns: Mapping[str, Array], period: float) -> NDArray[np.bo
     return in_spans([] if backwards.mean() > 0.95 else found, len(v))
 
 
-def reversing_sentence(t: Array, parts: Sequence[tuple[int, int]]) -> list[str]:
-    """One sentence on what was cut, with its times t [s]; none where nothing was."""
+def reversing_sentence(t: Array, parts: Sequence[tuple[int, int]], kept: bool) -> list[str]:
+    """One sentence on where the car reverses, with its times t [s]; none where it does not."""
     if not parts:
         return []
     shown = ", ".join(f"{t[start]:.2f} to {t[stop - 1]:.2f} s" for start, stop in parts[:3])
     more = f" and {len(parts) - 3} more times" if len(parts) > 3 else ""
-    return [f"the car reverses from {shown}{more}: cut out, since the simulator's car drives forwards only."]
+    return [
+        f"the car reverses from {shown}{more}: {'a run of its own' if kept else 'cut out, since there is no sideslip'}."
+    ]

@@ -48,7 +48,7 @@ def test_a_car_starts_stops_and_backs_up_on_one_circle(plant):
     slow = (np.abs(v) > 0.3) & (np.abs(v) < 1.5)
     assert np.unique(np.sign(v[slow])).tolist() == [-1.0, 1.0]
     wheelbase = ONE.front_axle_distance + ONE.rear_axle_distance
-    np.testing.assert_allclose(r[slow] / v[slow], np.tan(STEERING) / wheelbase, rtol=0.04)
+    np.testing.assert_allclose(r[slow] / v[slow], np.tan(STEERING) / wheelbase, rtol=0.1)
     assert np.abs(beta).max() < 0.2
     np.testing.assert_allclose(omega_r[slow], v[slow], atol=0.15)
 

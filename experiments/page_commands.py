@@ -31,7 +31,7 @@ ROOT = Path(__file__).parents[1]
 FENCE = re.compile(r"^ *```(\w*)\n(.*?)^ *```", re.DOTALL | re.MULTILINE)
 INDENTED = re.compile(r"^\n((?: {4}.*\n)+)", re.MULTILINE)
 INLINE = re.compile(r"`(python -m [^`]+)`", re.DOTALL)
-PLACEHOLDER = re.compile(r"(?<![\w./])[A-Z]{3,}(?![\w.])")
+PLACEHOLDER = re.compile(r"(?:(?<=//)|(?<![\w./]))[A-Z]{3,}(?![\w.])")
 MADE_BEFORE = re.compile(  # by another command, which takes longer than it is given, or a file of the reader's own
     r"\bruns/\S+: (?:no such file|has no \S+; make it with)|(?<![\w/])\w+\.yaml: cannot be read \(No such file"
 )

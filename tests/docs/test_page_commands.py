@@ -83,6 +83,8 @@ def test_what_a_commands_end_says_of_its_page() -> None:
     assert judged(command, 2, "", "runs/drives/held_out.npz: no such file; make it").verdict == "not checked"
     assert judged(command, 2, "", "runs/saloon: has no start.yaml; make it with x").verdict == "not checked"
     assert judged(command, 2, "", "module: car.yaml: cannot be read (No such file or dir").verdict == "not checked"
+    elsewhere = Command("page.md", "python -m module --scheduler tcp://SCHEDULER:8786")
+    assert judged(elsewhere, 2, "", "no dask scheduler answers at tcp://SCHEDULER:8786").verdict == "not checked"
     assert judged(command, 2, "", "module: docs/car.yaml: cannot be read (No such file").verdict == "fails"
     assert judged(command, 2, "", "docs/held_out.npz: no such file").verdict == "fails"
     assert judged(command, 2, "", "no first guess led to a plan")[:2] == (

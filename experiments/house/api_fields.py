@@ -25,4 +25,4 @@ def said(source: str) -> str:
     if isinstance(value, ast.Call) and ast.unparse(value.func) == "entry":
         unit, symbol = (ast.literal_eval(one) for one in value.args[:2])
         words = f"{symbol} [{unit}] {words}".strip()
-    return words
+    return words.replace("] [", "], [")  # which is no link then

@@ -15,8 +15,9 @@ from experiments.drifting.still import StillConfig, read_runs
 from experiments.pictures.figure_8 import HELD_OUT
 
 MODELS: tuple[Model, ...] = ("twice_info", "nominal", "prior", "oracle")  # the first is drawn solid
-VEHICLE = 15  # of the held-out ones
+VEHICLE = 0  # of the held-out ones: the nominal car of the controller spins there
 FOLDER = Path("runs/still_picture")
+SIZE = (4.0, 2.5)  # [in]: its letters are readable where it is 390 px wide
 
 
 def draw(source: Path | None = None) -> Figure:
@@ -33,4 +34,4 @@ def draw(source: Path | None = None) -> Figure:
     config = StillConfig(source or FOLDER, VEHICLE, MODELS)
     runs = read_runs(config)
     time = min(float(run["t"].iloc[-1]) for run in runs.values())
-    return still(runs, time, reference("figure_8"), VehicleParameters(), config.distance)
+    return still(runs, time, reference("figure_8"), VehicleParameters(), config.distance, SIZE)

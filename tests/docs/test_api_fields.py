@@ -15,6 +15,7 @@ def test_a_field_says_what_its_comment_says() -> None:
         == "[rad] beyond which the car has spun"
     )
     assert said('    mass: float = entry("kg", "m", 1650.0)') == "m [kg]"
+    assert said("    e_min: Array  # [N+1] [m]") == "[N+1], [m]"
     assert said('    lane: Literal["open"] = "open"') == ""
 
 

@@ -66,7 +66,7 @@ def plan_drive(
 
     Args:
         model, belief, config: see `info_ocp`; alpha: weight of the information [1/nat]; seed: of the random first
-            guesses; lateral: line e(t) [N+1] [m] to drive instead of the lane's middle.
+            guesses; lateral: line e(t) [N+1] in m to drive instead of the lane's middle.
 
     Returns:
         States and lagged commands [N+1, 8] (SI) and inputs [N+1, 2] (delta [rad], tau [N m]), 0.1 s apart.
@@ -169,7 +169,7 @@ def info_ocp(
     Args:
         model, belief: what the drive is planned to tell of; config: the lane, the objective and the limits.
         alpha: weight of the information [1/nat]; the config's without, 0 for the plain OCP.
-        lateral: line e(t) [N+1] [m] to drive instead of the lane's middle; along: path positions [N+1] [m] on a track.
+        lateral: line e(t) [N+1] in m to drive instead of the lane's middle; along: path positions [N+1] in m on a track.
 
     Raises:
         InvalidCheckpointError: the objective is "drifts", and the model names none.

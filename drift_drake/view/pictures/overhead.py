@@ -63,7 +63,10 @@ def overhead(
     shape = CarShape.of(parameters or VehicleParameters())
     low, high = extent(runs, reference, 0.6 * shape.length)
     width, height = high - low
-    figure = new_figure(wide, float(np.clip(1.0 + (wide - 1.7) * height / width, 1.9, 8.5)))
+    abreast = math.ceil(MOST_ABREAST * wide / WIDTH)
+    rows = math.ceil((len(runs) + 2 * (reference is not None)) / abreast)  # of the legend
+    tall = 1.0 + 0.17 * max(rows - 2, 0) + wide / WIDTH * 5.8 * height / width
+    figure = new_figure(wide, float(np.clip(tall, 1.9, 8.5)))
     axes = figure.add_subplot(xlim=(low[0], high[0]), ylim=(low[1], high[1]))
     axes.set_aspect("equal")
     if reference is not None:
@@ -77,7 +80,7 @@ def overhead(
     axes.plot(first["x"].iloc[0], first["y"].iloc[0], "o", color=INK, markersize=3.5, zorder=6)
     axes.annotate("start", (first["x"].iloc[0], first["y"].iloc[0]), (6, 6), textcoords="offset points", zorder=6)
     axes.set(xlabel="x [m]", ylabel="y [m]")
-    _legend(axes, runs, reference, math.ceil(MOST_ABREAST * wide / WIDTH))
+    _legend(axes, runs, reference, abreast)
     if mappable is not None:
         bar = figure.colorbar(mappable, ax=axes, label="sideslip [deg]", shrink=0.7, aspect=30, pad=0.02)
         bar.outline.set_visible(False)

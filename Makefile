@@ -20,7 +20,7 @@ help:
 	@echo "make test       linters, type checker and tests"
 	@echo "make test-python PYTHON=python3.13  the tests under another Python (3.11 to 3.13)"
 	@echo "make test-slow  the long checks too"
-	@echo "make commands   each command that a page names, in a clean clone: which page is false (nightly; COMMAND_SECONDS=3600)"
+	@echo "make commands   each command that a page names, in a clean clone: which ones fail (nightly; COMMAND_SECONDS=3600)"
 	@echo "make fuzz       malformed inputs of every kind (FUZZ_CASES=10000)"
 	@echo "make docs       the documentation, into build/site"
 	@echo "make docs-version  the documentation of the newest tag's version, next to those before, onto the branch gh-pages"
@@ -57,7 +57,7 @@ test-python:
 COMMAND_SECONDS ?= 120
 COMMANDS_OUT ?= runs/page_commands-$(shell date +%Y%m%d-%H%M%S)
 
-# Pages whose commands are `drift-drake`'s first, then what `python -m` runs; both go on where the other is false.
+# Pages whose commands are `drift-drake`'s first, then what `python -m` runs; both go on where the other fails.
 commands: .venv/installed-all
 	$(BIN)/python -m pytest tests/docs; tested=$$?; \
 	$(BIN)/python -m experiments.page_commands --seconds $(COMMAND_SECONDS) --out $(COMMANDS_OUT) && exit $$tested
@@ -79,7 +79,7 @@ docs-version: .venv/installed-all
 	$(BIN)/mike set-default latest
 
 # Without figure_8, whose drives take hours.
-PICTURES := car_frames demo diagnosis drive_time_series effects_map gap layers loop predictions replay report safe_stop two_criteria
+PICTURES := car_frames demo diagnosis drive_time_series effects_map gap layers loop predictions reliability replay report safe_stop still two_criteria
 
 pictures: .venv/installed-all
 	$(BIN)/python -m diagrams.docs_picture

@@ -34,7 +34,8 @@ from drift_drake.view.style import colours_of
 from experiments.drifting.report import LABELS
 
 TEMPLATE = Path(__file__).parent / "demo.html"
-RESOLUTION = 140  # [dots per inch]
+RESOLUTION, FINE = 140, 240  # [dots per inch], of narrow pictures
+NARROW = 3.3  # [in] of pictures whose letters are then readable on a phone
 RESTART = 1.0  # [s] between restarts of the replayed log's cars
 NAMES = LABELS | {"online": "online"}
 BELIEVES = {
@@ -49,10 +50,10 @@ BELIEVES = {
 COMPARED = ("nominal", "twice_info", "oracle")  # over the path: more lines could not be distinguished
 
 
-def picture(figure: Figure) -> Markup:
+def picture(figure: Figure, resolution: float = RESOLUTION) -> Markup:
     """A figure as an image element that holds its own pixels."""
     out = io.BytesIO()
-    figure.savefig(out, format="png", dpi=RESOLUTION, bbox_inches="tight", pad_inches=0.05)
+    figure.savefig(out, format="png", dpi=resolution, bbox_inches="tight", pad_inches=0.05)
     return Markup(f'<img alt="" src="data:image/png;base64,{base64.b64encode(out.getvalue()).decode()}">')
 
 
@@ -124,9 +125,9 @@ def write_page(
         effects={name: value for name, value in effects.items() if value != 0.0},
         rounds=rounds,
         gathered=picture(
-            overhead(gathered, lane_for_pictures(settings, gathered.values()), parameters, car_every=0.9)
+            overhead(gathered, lane_for_pictures(settings, gathered.values()), parameters, 0.9, NARROW), FINE
         ),
-        map=picture(overhead(tables, eight, parameters, car_every=0.0)),
+        map=picture(overhead(tables, eight, parameters, 0.0, NARROW), FINE),
         colours=dict(zip(tables, colours_of(tables), strict=True)),
         over_path=picture(time_series(compared, eight, parameters)),
         drift_replay=embedded(replays[0]),

@@ -1,12 +1,14 @@
-"""Runs each command that a page of the documentation names, in a clean clone, and says which page is false.
+"""Runs each command that a page of the documentation names, in a clean clone, and says which one fails.
 
     python -m experiments.page_commands                     # make commands
     python -m experiments.page_commands --seconds 3600 --pages docs/concepts.md
+    python -m experiments.page_commands --matching "pictures|benchmark_mpc"
 
-A command is true if it ends well, or still works after the time that it is given (it is then interrupted), and if what
-the page shows below it is what it prints. What asks for recordings that are not shipped, or for what another command
-makes in hours, is listed as not checked. Written: results.json, report.md. Broken off, it goes on where it was (give
---out). The exit code is 1 where a page is false. Commands of `drift-drake` are run by `make test-slow`.
+A command passes if it ends well and prints what the page shows below it. One that is still at work when its time is
+over is interrupted: it is cut off, which says that it started and no more. What asks for recordings that are not
+shipped, or for what another command makes in hours, is listed as not checked. A command of several pages is run once.
+Written: results.json, report.md. Broken off, it goes on where it was (give --out); with more --seconds, what was cut
+off is run again. The exit code is 1 where a command fails. Commands of `drift-drake` are run by `make test-slow`.
 """
 
 import dataclasses
@@ -16,6 +18,7 @@ import re
 import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 from typing import Literal, NamedTuple
 
@@ -28,7 +31,7 @@ ROOT = Path(__file__).parents[1]
 FENCE = re.compile(r"^ *```(\w*)\n(.*?)^ *```", re.DOTALL | re.MULTILINE)
 INDENTED = re.compile(r"^\n((?: {4}.*\n)+)", re.MULTILINE)
 INLINE = re.compile(r"`(python -m [^`]+)`", re.DOTALL)
-PLACEHOLDER = re.compile(r"(?<![\w./])[A-Z]{3,}(?![\w.])")
+PLACEHOLDER = re.compile(r"(?:(?<=//)|(?<![\w./]))[A-Z]{3,}(?![\w.])")
 MADE_BEFORE = re.compile(  # by another command, which takes longer than it is given, or a file of the reader's own
     r"\bruns/\S+: (?:no such file|has no \S+; make it with)|(?<![\w/])\w+\.yaml: cannot be read \(No such file"
 )
@@ -37,11 +40,11 @@ NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?(?:[eE][-+]?\d+)?")
 WAITED = 20  # [s] for a command that is interrupted
 TOLERANCE = 0.02  # of a number that is shown: other processors' last digits differ, and what follows from them
 
-Verdict = Literal["true", "still working", "not checked", "false"]
+Verdict = Literal["passes", "cut off", "not checked", "fails"]
 
 
-class FalsePageError(DriftDrakeError):
-    """Some page names a command that does not do what it says; the message lists them."""
+class FailingCommandsError(DriftDrakeError):
+    """Some page names a command that fails or prints something else; the message lists the pages."""
 
 
 class Command(NamedTuple):
@@ -57,6 +60,8 @@ class Result(NamedTuple):
 
     verdict: Verdict
     reason: str
+    limit: float = 0.0  # [s] that it was given
+    took: float = 0.0  # [s] of wall clock
 
 
 @dataclasses.dataclass(frozen=True)
@@ -65,6 +70,8 @@ class PageCommandsConfig:
 
     pages: tuple[str, ...] = ()
     """Paths from the root; all without."""
+    matching: str = ""
+    """Regular expression that is found in each command that is run; all without."""
     seconds: float = 120.0
     """That each command is given."""
     out: Path | None = None
@@ -118,20 +125,25 @@ def differs(shown: str, printed: str) -> bool:
 def judged(command: Command, code: int | None, output: str, error: str) -> Result:
     """What a command's end says of its page; code: None where it was still working when its time was over."""
     if code is None:
-        return Result("still working", "interrupted when its time was over")
+        return Result("cut off", "interrupted when its time was over")
     last = error.strip().splitlines()[-1] if error.strip() else output.strip().splitlines()[-1:] or "no output"
     if code != 0:
         asked = [word for word in PLACEHOLDER.findall(command.text) if word in error]
         if code == 2 and (asked or MADE_BEFORE.search(error)):
             return Result("not checked", str(last))
-        return Result("false", f"exit code {code}: {last}")
+        return Result("fails", f"exit code {code}: {last}")
     printed = output.splitlines()
     missing = [line for line in command.shown if all(differs(line, other) for other in printed)]
-    return Result("false", f"does not print: {missing[0]}") if missing else Result("true", "")
+    return Result("fails", f"does not print: {missing[0]}") if missing else Result("passes", "")
 
 
 def run(command: Command, folder: Path, seconds: float) -> Result:
     """Runs a command by a shell in a folder, all of its processes ended with it."""
+    start = time.monotonic()
+    return _run(command, folder, seconds)._replace(limit=seconds, took=round(time.monotonic() - start, 1))
+
+
+def _run(command: Command, folder: Path, seconds: float) -> Result:
     environment = os.environ | {"PYTHONPATH": str(folder), "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
     python = f'python() {{ "{sys.executable}" "$@"; }}; '
     process = subprocess.Popen(
@@ -153,18 +165,23 @@ def run(command: Command, folder: Path, seconds: float) -> Result:
 
 
 def report(results: dict[str, list[tuple[Command, Result]]]) -> str:
-    """A row a page, and below the commands that are not true."""
-    kinds: tuple[Verdict, ...] = ("true", "still working", "not checked", "false")
+    """A row a page, the sum of all commands, each counted once, and those that do not pass."""
+    kinds: tuple[Verdict, ...] = ("passes", "cut off", "not checked", "fails")
     lines = [f"| page | {' | '.join(kinds)} |", "| --- |" + " --- |" * len(kinds)]
     for page, found in results.items():
         counts = [sum(result.verdict == kind for _, result in found) for kind in kinds]
         lines.append(f"| {page} | {' | '.join(map(str, counts))} |")
-    lines.append("")
-    for kind in ("false", "not checked"):
+    once = {(command.text, command.shown): result for found in results.values() for command, result in found}
+    counts = [sum(result.verdict == kind for result in once.values()) for kind in kinds]
+    lines.append(f"| all, each once: {len(once)} | {' | '.join(map(str, counts))} |\n")
+    for kind in ("fails", "not checked", "cut off"):
         of_kind = [
             (command, result) for found in results.values() for command, result in found if result.verdict == kind
         ]
-        lines += [f"- {kind}: {command.page}: `{command.text}`: {result.reason}" for command, result in of_kind]
+        lines += [
+            f"- {kind}: {command.page}: `{command.text}`: {result.reason} ({result.took:g} s of {result.limit:g} s)"
+            for command, result in of_kind
+        ]
     return "\n".join(lines) + "\n"
 
 
@@ -172,7 +189,7 @@ def main(config: PageCommandsConfig) -> None:
     """Clones, runs what the folder lacks and reports.
 
     Raises:
-        FalsePageError: some page is false.
+        FailingCommandsError: some command fails.
     """
     folder = make_run_folder("page_commands", config.out).resolve()
     clone = folder / "clone"
@@ -184,24 +201,27 @@ def main(config: PageCommandsConfig) -> None:
     if is_done(file):
         done = {text: Result(*found) for text, found in json.loads(file.read_text()).items()}
     results: dict[str, list[tuple[Command, Result]]] = {}
-    for page in pages():
-        name = str(page.relative_to(ROOT))
-        if config.pages and name not in config.pages:
-            continue
-        for command in commands_of(page):
-            key = f"{name}: {command.text}"
-            if key not in done:
-                print(key, end=": ", flush=True)
-                done[key] = run(command, clone, config.seconds)
-                print(done[key].verdict, done[key].reason, flush=True)
-                write_json(file, done)
-            results.setdefault(name, []).append((command, done[key]))
+    for command in _chosen(config):
+        key = "\n".join([command.text, *command.shown])
+        if key not in done or (done[key].verdict == "cut off" and done[key].limit < config.seconds):
+            print(f"{command.page}: {command.text}", end=": ", flush=True)
+            done[key] = run(command, clone, config.seconds)
+            print(done[key].verdict, done[key].reason, flush=True)
+            write_json(file, done)
+        results.setdefault(command.page, []).append((command, done[key]))
     text = report(results)
     write_text(folder / "report.md", text)
     print(text)
-    untrue = [page for page, found in results.items() if any(result.verdict == "false" for _, result in found)]
-    if untrue:
-        raise FalsePageError(f"{', '.join(untrue)}: a command there is not what the page says; see {folder}/report.md")
+    failing = [page for page, found in results.items() if any(result.verdict == "fails" for _, result in found)]
+    if failing:
+        raise FailingCommandsError(f"{', '.join(failing)}: a command there fails; see {folder}/report.md")
+
+
+def _chosen(config: PageCommandsConfig) -> list[Command]:
+    """The commands of the pages that are asked for, those that match."""
+    chosen = [page for page in pages() if not config.pages or str(page.relative_to(ROOT)) in config.pages]
+    found = [command for page in chosen for command in commands_of(page)]
+    return [command for command in found if re.search(config.matching, command.text)]
 
 
 if __name__ == "__main__":

@@ -51,7 +51,7 @@ def entry(unit: str, symbol: str, default: float, positive: bool = True) -> Any:
 
 @dataclasses.dataclass(frozen=True)
 class Tolerance:
-    """One standard deviation of what is known of the vehicle: relative, unless a unit is given.
+    """One standard deviation of what is known of the vehicle: relative [-], unless a unit is given.
 
     A gap of this size is no gap to report; the diagnosis treats it as a nuisance.
 
@@ -106,7 +106,10 @@ class VehicleParameters:
     `front_coupling` ties the front rim to the rear's: 0 is rear-wheel drive (the front rolls freely), 1 one shaft for
     both axles; in between, the front rim takes over that share of the difference in speed. `rear_axle_inertia` and the
     torque are then those of the whole driveline. A file may leave it out; and so `tyre`, which names one of another
-    package (`car.tyre`).
+    package (`car.tyre`). `tolerance` says how well each number is known.
+
+    Raises:
+        InvalidVehicleError: a number that no car has; it names the parameter and the range.
 
     Examples:
         >>> VehicleParameters(mass=1210.0).replace(friction=0.9).mass
@@ -148,7 +151,7 @@ class VehicleParameters:
         return np.array([-self.steering_limit, self.torque_min]), np.array([self.steering_limit, self.torque_max])
 
     def constants(self) -> Constants:
-        """The part of the parameters that the equations of motion read."""
+        """The part of the parameters that the equations of motion read; InvalidVehicleError where the tyre is gone."""
         numbers = {name: float(getattr(self, name)) for name in Constants._fields if name not in WORDS}
         return Constants(**numbers, tyre=self._tyre_place())
 
@@ -168,15 +171,15 @@ class VehicleParameters:
         return self
 
     def replace(self, **changes: Any) -> "VehicleParameters":
-        """A copy with some parameters changed, validated again."""
+        """A copy with some parameters changed; raises InvalidVehicleError as the class does."""
         return dataclasses.replace(self, **changes)
 
     def with_constants(self, constants: Constants) -> "VehicleParameters":
-        """A copy with these numbers, its tyre as it is; validated again."""
+        """A copy with these constants, its tyre as it is; raises InvalidVehicleError as the class does."""
         return self.replace(**{name: float(value) for name, value in constants._asdict().items() if name != "tyre"})
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain data, the inverse of `from_dict`; the brush tyre is left out."""
+        """Plain data (SI), the inverse of `from_dict`; the brush tyre is left out."""
         data = dataclasses.asdict(self)
         return data if self.tyre != "brush" else {name: value for name, value in data.items() if name != "tyre"}
 
@@ -205,7 +208,7 @@ class VehicleParameters:
 
     @classmethod
     def from_yaml(cls, path: str | Path) -> "VehicleParameters":
-        """Parameters from a vehicle file.
+        """Parameters from the path of a vehicle file.
 
         Raises:
             InvalidVehicleError: names the file, the key and the remedy.
@@ -213,7 +216,7 @@ class VehicleParameters:
         return cls.from_dict(vehicle_data(path), str(path))
 
     def to_yaml(self, path: str | Path) -> None:
-        """Writes a vehicle file that `from_yaml` reads back to the same parameters."""
+        """Writes a vehicle file that `from_yaml` reads back to the same parameters; OutputError where it cannot."""
         write_text(path, yaml.safe_dump(self.to_dict(), sort_keys=False))
 
 

@@ -143,7 +143,7 @@ class NoiseLevels:
 
     @classmethod
     def none(cls) -> "NoiseLevels":
-        """Perfect sensors."""
+        """Perfect sensors: all levels zero."""
         return cls(*([0.0] * len(dataclasses.fields(cls))))
 
 

@@ -88,7 +88,10 @@ class StepModel(Protocol):
     def curvature_with(
         self, x: Array, u: Array, u_next: Array, curvature: Array, weights: Array, cost: CostExpansion
     ) -> Array | None:
-        """The sum of `weighted_curvature` and of a cost's second derivatives; a model may know what they share."""
+        """The sum of `weighted_curvature`, of weights [N, n], and of a cost's second derivatives [N, n+4, n+4].
+
+        A model may know what they share. None where it has no second derivatives.
+        """
         own = self.weighted_curvature(x, u, u_next, curvature, weights)
         return None if own is None else own + cost.curvature()
 
@@ -106,6 +109,9 @@ class NominalStepModel(StepModel):
     The rim speed is stiff (about 170/s at 7.5 m/s), which sets the number of sub-steps: RK4 is stable for
     dt / substeps below 2.7 times the time constant, so 8 sub-steps of 12.5 ms serve speeds above 6 m/s.
 
+    Args:
+        parameters: the car; dt: of a step [s]; substeps: of each step.
+
     Examples:
         >>> NominalStepModel(car).step(x, u, u, np.zeros(1)).shape
         (1, 6)
@@ -118,7 +124,7 @@ class NominalStepModel(StepModel):
 
     @classmethod
     def of(cls, constants: Constants, dt: float = STEP) -> "NominalStepModel":
-        """The model of a car's constants."""
+        """The model of a car's constants, in steps of dt [s]."""
         model = cls.__new__(cls)
         model.dt, model._substeps, model._constants = dt, SUBSTEPS, constants
         return model

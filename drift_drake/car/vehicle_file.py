@@ -149,7 +149,7 @@ def _check_settling(c: Constants, source: str) -> None:
 
 
 def read_vehicle(path: str | Path) -> tuple[VehicleParameters, Effects]:
-    """Parameters and effects of a vehicle file; a file without an `effects:` key has none.
+    """Parameters and effects of a path's vehicle file; a file without an `effects:` key has none.
 
     Raises:
         InvalidVehicleError: names the file, the key and the remedy.
@@ -218,10 +218,12 @@ def write_vehicle(
 ) -> None:
     """Writes a vehicle file (YAML, SI units) that is read back to the same car; effects of zero magnitude are left out.
 
+    Args:
+        path: of the file; parameters: of a car of any kind, without effects; effects: magnitudes;
+        single_track: to be kept with a double-track car, the one that was calibrated on the same logs.
+
     Raises:
         OutputError: the file cannot be written.
-
-    single_track: to be kept with a double-track car, the one that was calibrated on the same logs.
 
     Examples:
         >>> write_vehicle("mine.yaml", car.replace(mass=1210.0), make_effects({"aero_drag": 0.7}))

@@ -1,6 +1,6 @@
 """Whether stated probabilities hold: of no gap, of something that the catalogue lacks, and of the cause that is named.
 
-    python -m experiments.other_worlds.reliability ROAD_FOLDER ... --out reliability.png
+    python -m experiments.other_worlds.reliability ROAD_FOLDER ... --out reliability.png --table stated.csv
 
 A ROAD_FOLDER is a run folder of `road` (or one of `baselines`), whose worlds are still where they were. Days are sorted
 by what was said into five bins of equal width; in each, what happened is held against the mean of what was stated.
@@ -13,20 +13,24 @@ from pathlib import Path
 from typing import Annotated, NamedTuple
 
 import numpy as np
+import pandas as pd
 import tyro
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from diagrams.command import run_command
 from drift_drake.common.errors import DriftDrakeError
+from drift_drake.common.safe_files import write_table
 from drift_drake.gap.evidence.posterior import NONE, UNKNOWN
-from drift_drake.view.style import REFERENCE, RUNS, new_figure, save, styled
+from drift_drake.view.style import REFERENCE, RUNS, new_figure, save
 from experiments.benchmarks.intervals import binomial
 from experiments.other_worlds.road import rows_of
 from experiments.other_worlds.scoring import TOO, Row
+from experiments.pictures.look import SMALL, WIDTH, for_pages
 
 BINS = 5
 Stated = tuple[float, bool]  # a probability, and whether it happened
+Panels = dict[str, list[Stated]]  # by what is stated
 
 
 @dataclasses.dataclass(frozen=True)
@@ -37,6 +41,8 @@ class Reliability:
     """Run folders of `road`."""
     out: Path = Path("reliability.png")
     """The picture."""
+    table: Path | None = None
+    """CSV of all stated probabilities, which `experiments.pictures reliability` draws."""
 
 
 class InvalidRoadError(DriftDrakeError, ValueError):
@@ -82,7 +88,25 @@ def of_cause(rows: Sequence[Row]) -> list[Stated]:
     return [(row.probability, row.said == row.truth) for row in rows if row.answer["verdict"] == "effect"]
 
 
-PANELS = {"no gap": of_none, "unknown, or something else": of_something_else, "the named cause": of_cause}
+PANELS = {"no gap": of_none, "a fault outside the catalogue": of_something_else, "the named cause": of_cause}
+
+
+def panels_of(rows: Sequence[Row]) -> Panels:
+    """All that is stated of days."""
+    return {name: stated(rows) for name, stated in PANELS.items()}
+
+
+def write_panels(panels: Panels, path: Path) -> None:
+    """A row each: what is stated, its probability, whether it happened."""
+    rows = [(name, round(p, 4), int(there)) for name, stated in panels.items() for p, there in stated]
+    write_table(pd.DataFrame(rows, columns=["what", "stated", "happened"]), path, index=False)
+
+
+def read_panels(path: Path) -> Panels:
+    """What `write_panels` has written."""
+    table = pd.read_csv(path)
+    return {str(name): [(float(p), bool(there)) for p, there in zip(some["stated"], some["happened"], strict=True)]
+            for name, some in table.groupby("what", sort=False)}  # fmt: skip
 
 
 def binned(pairs: Sequence[Stated], count: int = BINS) -> list[Bin]:
@@ -98,12 +122,12 @@ def binned(pairs: Sequence[Stated], count: int = BINS) -> list[Bin]:
     return out
 
 
-def reliability_text(rows: Sequence[Row]) -> str:
+def reliability_text(panels: Panels) -> str:
     """All bins as a Markdown table."""
     lines = ["| probability of | bin | days | stated, mean | happened | 95 % interval | inside |",
              "| --- | --- | --- | --- | --- | --- | --- |"]  # fmt: skip
-    for name, stated in PANELS.items():
-        for b in binned(stated(rows)):
+    for name, stated in panels.items():
+        for b in binned(stated):
             edges = f"{b.low:.1f} to {b.high:.1f}"
             if b.days:
                 lines.append(f"| {name} | {edges} | {b.days} | {b.stated:.2f} | {b.happened:.2f} | {b.least:.2f} to "
@@ -113,16 +137,16 @@ def reliability_text(rows: Sequence[Row]) -> str:
     return "\n".join(lines) + "\n"
 
 
-@styled
-def draw_reliability(rows: Sequence[Row]) -> Figure:
+@for_pages
+def draw_reliability(panels: Panels) -> Figure:
     """A panel each for what is stated: share that happened over the mean that was stated, with its interval."""
-    figure = new_figure(3.7, 8.4)  # narrow: it is read on a phone
-    axes = figure.subplots(len(PANELS), 1, sharex=True, sharey=True)
-    for ax, (name, stated) in zip(axes, PANELS.items(), strict=True):
-        draw_panel(ax, binned(stated(rows)))
+    figure = new_figure(WIDTH, 2.1 * WIDTH)
+    axes = figure.subplots(len(panels), 1, sharex=True, sharey=True)
+    for ax, (name, stated) in zip(axes, panels.items(), strict=True):
+        draw_panel(ax, binned(stated))
         ax.set(title=name, ylabel="share that happened [-]")
-    axes[-1].set_xlabel("stated probability [-] (grey: days)")
-    axes[0].legend(loc="upper left")
+    axes[-1].set_xlabel("stated probability [-] (grey: number of logs)")
+    axes[1].legend(loc="upper left")
     return figure
 
 
@@ -137,7 +161,7 @@ def draw_panel(ax: Axes, bins: Sequence[Bin]) -> None:
         ax.errorbar(x, y, yerr=error, fmt="o" if inside else "s", ms=4, color=colour, elinewidth=1.0, capsize=2,
                     mfc=colour if inside else "white", label=label, zorder=2)  # fmt: skip
     for b in bins:
-        ax.text(0.5 * (b.low + b.high), -0.085, f"{b.days}", ha="center", va="center", fontsize=7.5, color=REFERENCE)
+        ax.text(0.5 * (b.low + b.high), -0.085, f"{b.days}", ha="center", va="center", fontsize=SMALL, color=REFERENCE)
     ax.set(xlim=(-0.03, 1.03), ylim=(-0.13, 1.05), xticks=np.linspace(0.0, 1.0, BINS + 1))
 
 
@@ -163,8 +187,11 @@ def main(config: Reliability) -> None:
     rows = [row for folder in config.folders for row in rows_of_road(folder)]
     if not rows:
         raise InvalidRoadError("no answered day in these folders; run 'experiments.other_worlds.road' first")
-    save(draw_reliability(rows), config.out)
-    print(reliability_text(rows))
+    panels = panels_of(rows)
+    if config.table is not None:
+        write_panels(panels, config.table)
+    save(draw_reliability(panels), config.out)
+    print(reliability_text(panels))
 
 
 if __name__ == "__main__":

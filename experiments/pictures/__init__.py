@@ -13,8 +13,10 @@ Name = Literal[
     "layers",
     "loop",
     "predictions",
+    "reliability",
     "replay",
     "report",
     "safe_stop",
+    "still",
     "two_criteria",
 ]

@@ -3,7 +3,7 @@
     python -m experiments.pictures effects_map --out docs/effects_map.png
 
 Each takes some seconds, and the first one of a machine the compilation too; demo, replay and report, which a headless
-Chromium photographs, a minute or two; figure_8 hours.
+Chromium photographs, a minute or two; still some minutes; figure_8 hours.
 """
 
 import dataclasses
@@ -16,7 +16,7 @@ from diagrams.command import run_command
 from drift_drake.common.errors import InvalidOptionError
 from experiments.pictures import Name
 
-SOURCED = ("demo", "figure_8")
+SOURCED = ("demo", "figure_8", "still")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -28,7 +28,7 @@ class PicturesConfig:
     out: Path | None = None
     """PNG or SVG (diagnosis: GIF, with a still next to it); docs/NAME.png without."""
     source: Path | None = None
-    """demo, figure_8: folder of runs that the picture is of; they are made without."""
+    """demo, figure_8, still: folder of runs that the picture is of; they are made without."""
 
 
 def main(config: PicturesConfig) -> None:

@@ -7,7 +7,7 @@ from experiments import demo
 from experiments.pictures.photograph import photograph
 
 DRIFT = "section:nth-of-type(4)"
-PARTS = ("header", f"{DRIFT} h2", f"{DRIFT} p", "figure.map", f"{DRIFT} tr:nth-child(2)")
+PARTS = ("header", f"{DRIFT} h2", f"{DRIFT} p", "figure.map")
 
 
 def take(out: Path, source: Path | None = None) -> None:

@@ -76,34 +76,37 @@ def test_numbers_may_differ_by_a_little_and_words_not() -> None:
 
 def test_what_a_commands_end_says_of_its_page() -> None:
     command = Command("page.md", "python -m module DATA", ("total 3",))
-    assert judged(command, 0, "first\ntotal 3\n", "").verdict == "true"
-    assert judged(command, 0, "total 4\n", "") == ("false", "does not print: total 3")
-    assert judged(command, None, "", "").verdict == "still working"
+    assert judged(command, 0, "first\ntotal 3\n", "").verdict == "passes"
+    assert judged(command, 0, "total 4\n", "")[:2] == ("fails", "does not print: total 3")
+    assert judged(command, None, "", "").verdict == "cut off"
     assert judged(command, 2, "", "warning\nDATA: no such folder").verdict == "not checked"
     assert judged(command, 2, "", "runs/drives/held_out.npz: no such file; make it").verdict == "not checked"
     assert judged(command, 2, "", "runs/saloon: has no start.yaml; make it with x").verdict == "not checked"
     assert judged(command, 2, "", "module: car.yaml: cannot be read (No such file or dir").verdict == "not checked"
-    assert judged(command, 2, "", "module: docs/car.yaml: cannot be read (No such file").verdict == "false"
-    assert judged(command, 2, "", "docs/held_out.npz: no such file").verdict == "false"
-    assert judged(command, 2, "", "no first guess led to a plan") == (
-        "false", "exit code 2: no first guess led to a plan",
+    elsewhere = Command("page.md", "python -m module --scheduler tcp://SCHEDULER:8786")
+    assert judged(elsewhere, 2, "", "no dask scheduler answers at tcp://SCHEDULER:8786").verdict == "not checked"
+    assert judged(command, 2, "", "module: docs/car.yaml: cannot be read (No such file").verdict == "fails"
+    assert judged(command, 2, "", "docs/held_out.npz: no such file").verdict == "fails"
+    assert judged(command, 2, "", "no first guess led to a plan")[:2] == (
+        "fails", "exit code 2: no first guess led to a plan",
     )  # fmt: skip
-    assert judged(command, 1, "", "DATA: KeyError").verdict == "false"
+    assert judged(command, 1, "", "DATA: KeyError").verdict == "fails"
 
 
 def test_a_command_is_run_and_interrupted(tmp_path: Path) -> None:
     (tmp_path / "quick.py").write_text("print('total', 3)\n")
     (tmp_path / "slow.py").write_text("import time\nfor _ in range(600):\n    time.sleep(0.1)\n")
-    assert run(Command("p", "python -m quick", ("total 3",)), tmp_path, 60.0).verdict == "true"
-    assert run(Command("p", "python -m slow"), tmp_path, 1.0).verdict == "still working"
-    assert run(Command("p", "python -m missing"), tmp_path, 60.0).verdict == "false"
+    assert run(Command("p", "python -m quick", ("total 3",)), tmp_path, 60.0).verdict == "passes"
+    assert run(Command("p", "python -m slow"), tmp_path, 1.0).verdict == "cut off"
+    assert run(Command("p", "python -m missing"), tmp_path, 60.0).verdict == "fails"
 
 
 def test_the_report_names_the_page() -> None:
     command = Command("docs/page.md", "python -m module")
     text = report({"docs/page.md": [(command, judged(command, 2, "", "no such option"))]})
     assert "| docs/page.md | 0 | 0 | 0 | 1 |" in text
-    assert "- false: docs/page.md: `python -m module`: exit code 2: no such option" in text
+    assert "- fails: docs/page.md: `python -m module`: exit code 2: no such option (0 s of 0 s)" in text
+    assert "| all, each once: 1 | 0 | 0 | 0 | 1 |" in text
 
 
 @pytest.mark.slow

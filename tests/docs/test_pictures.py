@@ -11,6 +11,7 @@ SHOWN = re.compile(r"!\[([^]]*)\]\(([^)\s]+)|<img\b([^>]*)>")
 CAPTION = re.compile(r"\)?\n\n?\*(?!\*)((?:[^\n]|\n(?!\n))+?)\*\n")
 COMMAND = re.compile(r"`(?:python -m (?:experiments|diagrams)\.|make )[^`]+`", re.DOTALL)
 LEAST, LARGEST = 20, 1.5e6  # letters, bytes
+FEWEST = 3  # words of a caption in addition to the command
 
 
 def pictures(text: str) -> list[tuple[str, str]]:
@@ -36,6 +37,7 @@ def test_each_picture_has_a_caption_with_the_command_that_makes_it(page: Path) -
         caption = CAPTION.match(text, found.end())
         assert caption, f"{found.group()}: no caption below it"
         assert COMMAND.search(caption[1]), f"{found.group()}: its caption names no command"
+        assert len(COMMAND.sub("", caption[1]).split()) >= FEWEST, f"{found.group()}: its caption says nothing"
 
 
 def test_pictures_are_found_in_either_form() -> None:

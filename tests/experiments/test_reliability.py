@@ -14,6 +14,8 @@ from experiments.other_worlds.reliability import (
     of_cause,
     of_none,
     of_something_else,
+    panels_of,
+    read_panels,
     reliability_text,
     rows_of_road,
 )
@@ -57,16 +59,16 @@ def test_bins_hold_every_day_and_their_interval_is_exact():
 
 
 def test_the_table_has_every_bin_of_every_panel():
-    lines = reliability_text(ROWS).splitlines()
+    lines = reliability_text(panels_of(ROWS)).splitlines()
     assert len(lines) == 2 + 3 * 5
     assert "| no gap | 0.8 to 1.0 | 1 | 0.90 | 1.00 | 0.03 to 1.00 | yes |" in lines
     assert "| the named cause | 0.0 to 0.2 | 0 | - | - | - | - |" in lines
 
 
 def test_the_picture_tells_what_is_as_stated_by_more_than_colour():
-    figure = draw_reliability(ROWS)
+    figure = draw_reliability(panels_of(ROWS))
     assert [ax.get_title(loc="left") for ax in figure.axes] == [
-        "no gap", "unknown, or something else", "the named cause",
+        "no gap", "a fault outside the catalogue", "the named cause",
     ]  # fmt: skip
     assert {line.get_marker() for line in figure.axes[0].lines} >= {"o", "s"}
 
@@ -88,8 +90,11 @@ def make_road(tmp_path):
 def test_a_road_is_read_drawn_and_reported(tmp_path, capsys):
     folder = make_road(tmp_path)
     assert [r.case for r in rows_of_road(folder)] == ["aa"]
-    main(Reliability((folder,), tmp_path / "picture.png"))
+    main(Reliability((folder,), tmp_path / "picture.png", tmp_path / "stated.csv"))
     assert (tmp_path / "picture.png").stat().st_size > 10_000
+    assert read_panels(tmp_path / "stated.csv") == {
+        "no gap": [(0.9, True)], "a fault outside the catalogue": [(0.1, False)],
+    }  # fmt: skip
     assert "| no gap | 0.8 to 1.0 | 1 |" in capsys.readouterr().out
 
 

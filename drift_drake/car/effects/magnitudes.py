@@ -102,7 +102,7 @@ def magnitudes_of(effects: Effects) -> dict[str, float]:
 
 
 def make_effects(magnitudes: dict[str, float]) -> Effects:
-    """Effects from a name-to-magnitude mapping, in the units of the catalogue (`CATALOGUE[name].unit`).
+    """Effects from magnitudes by name, each in its unit of the catalogue [CATALOGUE[name].unit].
 
     Raises:
         ValueError: a name that the catalogue does not have; the message lists the names.

@@ -102,10 +102,10 @@ class Effect:
     """
 
     unit: str
-    low: float  # end of the practical range
-    high: float
+    low: float  # [unit] end of the practical range
+    high: float  # [unit] its other end
     change: str  # in words, of the magnitude q
-    stage: Stage = "motion"
+    stage: Stage = "motion"  # of the loop, where it acts
     needs: tuple[str, ...] = ()  # columns without which a filter cannot see it
     tolerance: str | None = None  # of the vehicle file, that this effect is a larger deviation of
     spread: bool = False  # magnitudes are spread evenly by their logarithm
@@ -115,16 +115,16 @@ class Effect:
     remembers: tuple[
         Command, ...
     ] = ()  # commands whose values before the first row matter, in addition to a delayed one
-    mass: float = 0.0
-    length: float = 0.0
-    radius: float = 0.0
-    daily: float = 1.0  # how often it changes from one day to another, relative to the others
+    mass: float = 0.0  # [-] power of the car's mass that scales the range
+    length: float = 0.0  # [-] of its wheelbase
+    radius: float = 0.0  # [-] of its wheel radius
+    daily: float = 1.0  # [-] how often it changes from one day to another, relative to the others
     of_tyres_or_body: bool = False  # which the equations have in their own way: what it is worth differs by the driving
     varies: bool = False  # by less than a gap from one recording to the next, without anybody touching the car
     shown_by: str = ""  # the manoeuvre that shows it best, in words
     factor: bool = False  # something is multiplied by 1 + q, which stays above zero
     share: bool = False  # of the friction that it takes: below one
-    possible: tuple[float, float] | None = None  # magnitudes that a vehicle can have; else several times the range
+    possible: tuple[float, float] | None = None  # [unit] that a vehicle can have; else several times the range
     limit: bool = False  # an upper limit: it acts more the smaller it is
     saturates: bool = False  # acts otherwise upwards than downwards
     asked: bool = False  # a sentence of a `none` states its detection limit
@@ -141,11 +141,11 @@ class Effect:
         None  # of vehicles out of that distribution, where `drawn` has none
     )
     since: int = 1  # version of the package's own catalogue, by which vectors of magnitudes are ordered
-    force: Force | None = None
-    actuation: Actuation | None = None
-    reading: Reading | None = None
-    rate: Rate | None = None
-    start: Start | None = None
+    force: Force | None = None  # on the body
+    actuation: Actuation | None = None  # of the commands
+    reading: Reading | None = None  # added by the sensors
+    rate: Rate | None = None  # of a state of its own
+    start: Start | None = None  # that state where a run starts
 
     @property
     def suffix(self) -> str:
@@ -163,7 +163,7 @@ class Effect:
         return self.spread and self.unit == "m"
 
     def range_for(self, vehicle: VehicleParameters) -> tuple[float, float]:
-        """Practical range of the magnitude for a car of another size (1.6 kg to 40 t)."""
+        """Practical range [unit] of the magnitude for a vehicle of another size (1.6 kg to 40 t)."""
         size = (
             (vehicle.mass / REFERENCE.mass) ** self.mass
             * (wheelbase(vehicle) / wheelbase(REFERENCE)) ** self.length
@@ -172,7 +172,7 @@ class Effect:
         return self.low * size, self.high * size
 
     def least_for(self, vehicle: VehicleParameters) -> float:
-        """Least absolute value that is a gap to report, for a car of another size."""
+        """Least absolute value [unit] that is a gap to report, for a vehicle of another size."""
         low, high = self.range_for(vehicle)
         return LEAST_SIGNED * max(abs(low), abs(high)) if self.signed else LEAST_UNSIGNED * low
 

@@ -47,10 +47,12 @@ class Run:
     [rad] course minus heading; `omega_r` [m/s] rear rim speed; `ax`, `ay` [m/s^2] in the body frame; `delta_cmd`
     [rad] and `tau_cmd` [N m] the commands, known exactly and linear between rows; `bank` [rad] of the road under the
     car, its left side higher, known too.
-
-    `filled`: rows (bool) in which the screening has filled a bad sample, so that a column is no measurement there.
+    `filled`: rows [bool] in which the screening has filled a bad sample, so that a column is no measurement there.
     `trusted`: columns that are asked no questions, since somebody has looked at them. `recording`: the name of the run
     that this is a part of; empty for a whole one.
+
+    Raises:
+        InvalidLogError: too few rows, a column of another length, NaN, an irregular clock, numbers of wrong units.
 
     Examples:
         >>> run = Run("still", t=0.01 * np.arange(100), r=np.zeros(100), v=np.ones(100), delta_cmd=np.zeros(100))
@@ -111,7 +113,7 @@ class Run:
 
 
 def read_run(path: str | Path) -> Run:
-    """Reads one run from a CSV (compressed or not) or Parquet file.
+    """Reads the run of a path: a CSV (compressed or not) or Parquet file.
 
     Raises:
         InvalidLogError: unreadable or empty file, missing column, NaN, a clock that is not regular, wrong units.
@@ -172,13 +174,15 @@ def check_names(path: Path, names: Sequence[str]) -> None:
 
 
 def write_run(run: Run, path: str | Path) -> None:
-    """Writes one run as CSV (nine digits, SI), absent columns left out; OutputError where it cannot be written.
+    """Writes one run to a path as CSV (nine digits, SI), absent columns left out.
+
+    Raises:
+        OutputError: it cannot be written.
 
     Examples:
         >>> write_run(read_run("logs/monday/run_0.csv").rows(0, 100), "first_second.csv")
     """
-    columns = {name: run.column(name) for name in COLUMNS}
-    write_columns({name: values for name, values in columns.items() if values is not None}, path)
+    write_columns({name: values for name in COLUMNS if (values := run.column(name)) is not None}, path)
 
 
 def read_case(folder: str | Path) -> list[Run]:
@@ -241,14 +245,12 @@ def _recorded_name(path: Path) -> str:
 
 
 def _numbers(path: Path, name: str, values: "pd.Series[Any]") -> np.ndarray:
-
     from drift_drake.car.log.numbers import as_numbers, without_endless  # slow to import
 
     numbers = as_numbers(values).to_numpy(dtype=float)
     bad = np.flatnonzero(np.isnan(without_endless(numbers)))
     if len(bad):
-        row = int(bad[0])
-        found = values.iloc[row]
+        row, found = int(bad[0]), values.iloc[int(bad[0])]
         found = repr(found) if isinstance(found, str) else str(found)
         raise InvalidLogError(
             f"{path}: column {name} holds {found} in row {row + 2} ({len(bad)} such rows); "
@@ -313,8 +315,7 @@ def _import_report(folder: str | Path) -> dict[str, Any]:
     if not path.exists():
         return {}
     remedy = "take it away or import again"
-    text = read_text(path, InvalidLogError, remedy)
-    report = parse_json(text, InvalidLogError, str(path), remedy, strict=False)
+    report = parse_json(read_text(path, InvalidLogError, remedy), InvalidLogError, str(path), remedy, strict=False)
     if not isinstance(report, dict):
         raise _no_report(path)
     return report

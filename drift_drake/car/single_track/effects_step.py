@@ -145,6 +145,9 @@ class EffectsStepModel(StepModel):
     A transport delay is beyond it (a step knows the commands at its own ends only), as are a road's grade
     on a heading (the six states have none) and the sensors' effects.
 
+    Args:
+        parameters: the car without effects; effects: magnitudes; exact: Jacobians; dt: of a step [s].
+
     Raises:
         ValueError: such an effect.
 
@@ -162,23 +165,25 @@ class EffectsStepModel(StepModel):
         self._substeps = max(SUBSTEPS, _stable_substeps(effects, self.dt))
 
     def of_car(self, constants: Constants, effects: Effects) -> "EffectsStepModel":
-        """The same step of another car, whose effects are of the same kind."""
+        """The same step of another car, by its constants, whose effects are of the same kind."""
         other = copy.copy(self)
         other.constants, other.effects = constants, effects
         other._substeps = max(self._substeps, _stable_substeps(effects, self.dt))
         return other
 
     def with_theta(self, theta: Array) -> "EffectsStepModel":
-        """The same step of the car that has the effects' magnitudes `theta` in place of its own."""
+        """The same step of the car that has the effects' magnitudes `theta` [count of effects] in place of its own."""
         return self.of_car(self.constants, Effects(*(float(q) for q in theta)))
 
     def observer(self, period: float) -> LeafSystem:
         return InternalStateObserver(self, period)
 
     def settled(self, state: Array, command: Array) -> Array:
+        """Internal states [m] of a car that has long been in a state [4] (r, v, beta, omega_r) under a command [2]."""
         return np.array(settled_internal_states(*state, *command, self.constants, self.effects), dtype=float)
 
     def run_on(self, x: Array, u: Array, u_next: Array, duration: float) -> Array:
+        """The state [n] a duration [s] after x [n], straight on, the input going from u [2] to u_next [2]."""
         x_next = np.empty((1, STATE_SIZE))
         substeps = _stable_substeps(self.effects, duration)
         _steps(x[None].copy(), u[None].copy(), u_next[None].copy(), np.zeros(1), self.constants, self.effects, duration,
@@ -186,6 +191,7 @@ class EffectsStepModel(StepModel):
         return x_next[0]
 
     def follows_at_once(self) -> NDArray[np.bool_]:
+        """Which of the internal states [m] nothing lags or relaxes."""
         q = self.effects
         relaxed, lagged = q.tyre_relaxation > 0.0, q.steering_lag + q.steering_rate_limit > 0.0
         installed = [getattr(q, name) == 0.0 for name in INSTALLED_STATES]

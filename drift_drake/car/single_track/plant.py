@@ -64,7 +64,7 @@ def _changed_rates(x: Array, u: Array, wrench: Array, curvature: float, p: Array
 
 
 class SingleTrackPlant(PathPlant):
-    """The car of `bicycle` and `effects` as a system on float, AutoDiffXd and Expression.
+    """The single-track car (the paper's appendix) with effects, as a system on float, AutoDiffXd and Expression.
 
     Continuous state: r [rad/s], v [m/s], beta [rad], omega_r [m/s], e [m], dphi [rad] (the paper's six, measured
     from the path), s [m] along the path, x, y [m], psi [rad] in the fixed frame; behind them, only when an effect
@@ -94,10 +94,10 @@ class SingleTrackPlant(PathPlant):
 
     parameters: VehicleParameters
     effects: Effects
-    has_internal_states: bool
+    has_internal_states: bool  # whether an effect acts on the motion
 
     def declare(self: Any, parameters: VehicleParameters, effects: Effects, path: CurvedPath | None, T: Any) -> None:
-        """Declares parameters, state and ports on numbers of the type T."""
+        """Declares parameters, effects, the path's curvature, state and ports on numbers of the type T."""
         self.parameters, self.effects = parameters, effects
         self.has_internal_states = acts_on_motion(effects)
         self.state_names = PLANT_STATES_WITH_INTERNAL if self.has_internal_states else PLANT_STATES
@@ -109,17 +109,17 @@ class SingleTrackPlant(PathPlant):
         return Constants(*constants), Effects(*magnitudes)
 
     def settled(self, placed: Sequence[float], delta: float, tau: float, p: Constants, q: Effects) -> Sequence[float]:
-        """The effects' own states of a car that has been as it is for long."""
+        """The effects' own states of a car that has been at `placed`, under delta [rad] and tau [N m], for long."""
         return settled_internal_states(*placed[:4], delta, tau, p, q, psi=placed[9]) if self.has_internal_states else ()
 
     def rates(self, x: Any, u: Any, wrench: Any, curvature: Any, p: Constants, q: Effects) -> Sequence[Any]:
-        """Rates of the state, and behind them (a_x, a_y) [m/s^2] in the body frame."""
+        """Rates of the state x, and behind them (a_x, a_y) [m/s^2] in the body frame, at what the ports give."""
         if self.has_internal_states:
             return changed_rates(x, u, wrench, curvature, p, q)
         return nominal_rates(x, u, wrench, curvature, p)
 
     def compiled_rates(self, x: Array, u: Array, wrench: Array, curvature: float, p: Array, q: Array) -> Array:
-        """The same on floats, from the Context's numbers."""
+        """`rates` on floats: x [10 or more], u [2], wrench [3], curvature [1/m], p and q [numbers of the Context]."""
         if self.has_internal_states:
             return _changed_rates(x, u, wrench, curvature, p, q)
         return _nominal_rates(x, u, wrench, curvature, p)
@@ -129,8 +129,10 @@ VehiclePlant_ = plant_template("VehiclePlant_", SingleTrackPlant)
 VehiclePlant = VehiclePlant_[None]
 """The car on floats; `ToAutoDiffXd()` and `ToSymbolic()` convert it, parameters, effects and path included.
 
-Made from (parameters, effects, path). In: actuation [2], and where connected disturbance [3], curvature [1]. Out:
-state [6], path_position [1], pose [3], full_state, acceleration [2]. `help(VehiclePlant)` has units and details.
+The single-track car of the paper's appendix. Made from (parameters, effects, path). In: actuation (delta [rad], tau
+[N m]), and where connected disturbance (two forces [N], moment [N m]), curvature [1/m]. Out: state (r [rad/s], v [m/s],
+beta [rad], omega_r [m/s], e [m], dphi [rad]), path_position [m], pose (x, y [m], psi [rad]), full_state, acceleration
+(a_x, a_y [m/s^2]). `help(VehiclePlant)` has more. InvalidVehicleError where no car has a number.
 
 Examples:
     >>> VehiclePlant(car).ToAutoDiffXd().GetOutputPort("state").size()

@@ -40,7 +40,7 @@ LONGEST_DRIVE = 600.0  # [s] on a track
 class LaneDrive:
     """The paper's section IV-A: from 7.5 to 20 m/s along a straight line in 4.5 s."""
 
-    steps: int = 45
+    steps: int = 45  # of 0.1 s
     v_start: float = 7.5  # [m/s]
     v_end: float = 20.0  # [m/s]
     half_width: float = 3.0  # [m] of the lane
@@ -118,7 +118,10 @@ def bound_end(problem: OptimalControlProblem, curvature: float = 0.0) -> None:
 
 @dataclasses.dataclass(frozen=True)
 class GatheringConfig(LaneDrive):
-    """A lane drive that is worth learning from.
+    """A lane drive that is worth learning from (section IV-A of the paper), its plans and the rounds.
+
+    Raises:
+        InvalidOptionError: a number out of its range; it names the option and the range.
 
     Examples:
         >>> GatheringConfig(steps=30).half_width
@@ -130,7 +133,7 @@ class GatheringConfig(LaneDrive):
     lane: Literal["open", "track"] = "open"
     """A track is closed, and driven for longer than a plan: it is planned again each `replan` [s], as far ahead as at
     the start. Its speed is the track's, up to `v_end`."""
-    track: Stadium = dataclasses.field(default_factory=Stadium)
+    track: Stadium = dataclasses.field(default_factory=Stadium)  # of `lane` "track"
     duration: float = 9.0  # [s] of a drive on the track
 
     # Bolder than where only a nominal car plans: on validation vehicles, drives up to here taught most about drifting.
@@ -140,24 +143,24 @@ class GatheringConfig(LaneDrive):
     objective: Objective = "eq8"  # of the first round
     # Of the rounds after it. Under eq. (8) they went where one thing could be learnt again and again, fast and far from
     # drifting. With updates they seek what is new, whether a drift asks for it or not.
-    objective_later: Objective = "drifts"
+    objective_later: Objective = "drifts"  # of later rounds
     ends_straight: bool = True  # informative plans do; without, they end in slides that leave the lane soon after
     replan: float = 0.0  # [s], in whole steps, after which the rest of a drive is planned again with what it has taught
     stop_below: float = 0.0
-    """A replanned drive ends where what is still promised falls below this share of what it has taught; 0 for never."""
+    """[-] A replanned drive ends where what it still promises is less than this share of what it taught; 0: never."""
     bounded: bool = True  # speed, wheel spin and sideslip of plans
     fixed_alpha: bool = False  # the same weight of the information in later rounds
     # After informative drives, the lags of steering and torque are those of a bank that make the drives likeliest.
-    learn_lags: bool = True
+    learn_lags: bool = True  # of steering and torque, from informative drives
     path_step: PathStep = "trapezoid"  # Euler's would turn as the nominal car does: twice as far from the true car's
     only_converged: bool = False
     """A plan whose SQP has not converged is none. Without, one that is feasible is driven: with the shipped bounds its
     states are those of a car that can be caught, whether its cost is the least or not."""
-    max_iterations: int = 80
-    tolerance: float = 1e-3  # the SQP's: far below what the feedback absorbs
+    max_iterations: int = 80  # of the SQP
+    tolerance: float = 1e-3  # [-] the SQP's, scaled: far below what the feedback absorbs
     # Inputs smoother than the drift controller's: that costs some information, but what is learnt carries over better
     # to drifting, and the true car stays nearer to the plan.
-    weights: OcpWeights = dataclasses.field(default_factory=lambda: OcpWeights(delta=100.0, tau=3e-4))
+    weights: OcpWeights = dataclasses.field(default_factory=lambda: OcpWeights(delta=100.0, tau=3e-4))  # of the cost
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -192,6 +192,9 @@ def gather(
         learning: the model and what is believed before the drive, where the rest of the drive is to be planned again
             each `config.replan` [s]; without, a drive is as long as the trajectory, on a track too.
 
+    Raises:
+        InvalidVehicleError: an effect that no car has; InvalidCheckpointError: see `info_ocp`.
+
     Examples:
         >>> trajectory = plan_drive(model, model.prior(), config, alpha=8.0)  # doctest: +SKIP
         >>> table, ending = gather(trajectory, make_effects({}), car, config, seed=0)  # doctest: +SKIP
@@ -212,10 +215,11 @@ def drive_samples(table: pd.DataFrame, config: GatheringConfig) -> Samples:
 
 
 def learn_drive(model: BayesianModel, belief: Posterior, table: pd.DataFrame, config: GatheringConfig) -> Posterior:
-    """The belief after a drive's log.
+    """The belief after a drive's log, sample by sample (section II of the paper).
 
     Args:
-        table: log at 100 Hz as `gather` gives it (SI); config: the lane that it was driven on.
+        model: the learnt model; belief: before the drive; table: log at 100 Hz as `gather` gives it (SI); config: the
+            lane that it was driven on.
 
     Examples:
         >>> belief = learn_drive(model, model.prior(), table, GatheringConfig())

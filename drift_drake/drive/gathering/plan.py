@@ -62,12 +62,17 @@ def plan_drive(
     seed: int = 0,
     lateral: Array | None = None,
 ) -> Trajectory:
-    """Solves OCP (alpha = 0) or Info-OCP; of several first guesses that with the lowest cost after `TRIAL` iterations.
+    """Solves OCP (alpha = 0) or Info-OCP (section III of the paper), from the best of several first guesses.
 
     Args:
-        alpha: weight of the information; seed: of the random first guesses; lateral: see `problem_data`.
+        model, belief, config: see `info_ocp`; alpha: weight of the information [1/nat]; seed: of the random first
+            guesses; lateral: line e(t) [N+1] in m to drive instead of the lane's middle.
+
+    Returns:
+        States and lagged commands [N+1, 8] (SI) and inputs [N+1, 2] (delta [rad], tau [N m]), 0.1 s apart.
 
     Raises:
+        InvalidCheckpointError: see `info_ocp`.
         InfeasiblePlanError: no first guess led to a feasible trajectory, or, with `only_converged`, to the least cost.
 
     Examples:
@@ -159,12 +164,15 @@ def info_ocp(
     lateral: Array | None = None,
     along: Array | None = None,
 ) -> OptimalControlProblem:
-    """Info-OCP along the lane as a MathematicalProgram, each cost and constraint described, with a first guess set.
+    """Info-OCP (section III of the paper) along the lane as a MathematicalProgram, with a first guess set.
 
     Args:
         model, belief: what the drive is planned to tell of; config: the lane, the objective and the limits.
         alpha: weight of the information [1/nat]; the config's without, 0 for the plain OCP.
-        lateral: see `problem_data`; along: path positions [m] on a track, N + 1 of them, see `lane_data`.
+        lateral: line e(t) [N+1] in m to drive instead of the lane's middle; along: path positions [N+1] in m on a track.
+
+    Raises:
+        InvalidCheckpointError: the objective is "drifts", and the model names none.
 
     Examples:
         >>> problem = info_ocp(model, model.prior(), GatheringConfig(steps=5))

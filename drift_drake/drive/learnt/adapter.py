@@ -70,7 +70,7 @@ def adapt_bank(
 
 
 class BayesianAdapter(LeafSystem):
-    """Adapts the last layer to the car at hand: every `TIME_STEP` one sample, from the step that ended.
+    """Adapts the last layer to the car at hand (section II of the paper): a sample each `TIME_STEP`.
 
     With a bank of lags it learns under each of them, and believes the pair that the samples so far are likeliest under
     (`lag_bank`); before the first sample, and where all are alike, the first.
@@ -106,8 +106,10 @@ class BayesianAdapter(LeafSystem):
         self, model: BayesianModel, threshold: float = DEFAULT_THRESHOLD, offset_time: float | None = None,
         lags: Array | None = None,
     ) -> None:  # fmt: skip
-        """Args: model: its prior is the state that a default Context starts with; offset_time: of the offset [s];
-        lags: of steering and torque [K, 2] [s]; the model's own without."""
+        """Args:
+        model: its prior is the state that a default Context starts with; threshold: Mahalanobis distance [-];
+        offset_time: of the offset [s]; lags: of steering and torque [K, 2] [s]; the model's own without.
+        """
         super().__init__()
         self.lags = np.array(model.lag[None] if lags is None else lags, dtype=float)
         self.model, self.offset_time = model, offset_time
@@ -213,5 +215,5 @@ class BayesianAdapter(LeafSystem):
         context.get_mutable_numeric_parameter(self._frozen).SetFromVector([1.0 if frozen else 0.0])
 
     def set_threshold(self, context: Context, threshold: float) -> None:
-        """Sets the Mahalanobis distance beyond which samples are refused."""
+        """Sets the threshold: the Mahalanobis distance [-] beyond which samples are refused."""
         context.get_mutable_numeric_parameter(self._threshold).SetFromVector([threshold])

@@ -41,30 +41,29 @@ class InvalidCheckpointError(DriftDrakeError, ValueError):
 
 @dataclasses.dataclass(frozen=True)
 class BayesianModel:
-    """Features, prior and noise of the learnt car, and where they come from.
+    """Features, prior and noise of the learnt car (section II of the paper), and where they come from.
 
     Examples:
         >>> model.prior().mean.shape, model.sigma.shape
         ((4, 16), (4,))
     """
 
-    network: Network
+    network: Network  # makes the features phi [..., 4, 16] of z
     prior_mean: Array  # [4, 16]
     precision_factor: Array  # L of Lambda_0 = L L^T + floor, [64, 64], full
     sigma: Array  # noise scale of each learnt state, [4]
     sample_weight: Array  # of one sample in the posterior, by state [4], see `posterior`; 1 is the paper's recursion
     vehicle: VehicleParameters  # the car inside h
     record: dict[str, Any]  # how it was trained: configuration, data hash, likelihoods
-    # z [n, 10] of some drifting samples that it was trained on: where predictions are wanted of it.
-    drifts: Array | None = None
+    drifts: Array | None = None  # z [n, 10] of drifting samples of its training: where predictions are wanted of it
 
     @property
     def lag(self) -> Array:
-        """Of steering and torque of the car at hand, both in seconds."""
+        """Lags [2] of steering and torque of the car at hand [s]."""
         return np.array(self.network.lag)
 
     def with_lag(self, lag: Array) -> "BayesianModel":
-        """The model of a car with another pair of lags of steering and torque [s] (`command_lag`)."""
+        """The model of a car with another lag [2] of steering and torque [s] (`command_lag`)."""
         network, drifts = self.network._replace(lag=(float(lag[0]), float(lag[1]))), self.drifts
         if drifts is not None:
             drifts = self.network.as_typical(drifts)
@@ -90,7 +89,11 @@ class BayesianModel:
         return digest.hexdigest()
 
     def save(self, path: str | Path) -> None:
-        """Writes the checkpoint. Weights trained in single precision are stored so; nothing but the lags is lost."""
+        """Writes the checkpoint. Weights trained in single precision are stored so; nothing but the lags is lost.
+
+        Raises:
+            OutputError: it cannot be written.
+        """
         arrays: dict[str, Any] = {name: getattr(self.network, name).astype(np.float32) for name in WEIGHTS}
         drifts = self.with_lag(LAG).drifts
         if drifts is not None:
@@ -118,7 +121,7 @@ def load_model(path: str | Path | None = None) -> BayesianModel:
     """Reads a checkpoint; without a path, the one shipped with the package.
 
     Raises:
-        InvalidCheckpointError: names the file and the remedy.
+        InvalidCheckpointError: names the file and the remedy; InvalidVehicleError: of the vehicle in it.
 
     Examples:
         >>> belief = load_model().prior()

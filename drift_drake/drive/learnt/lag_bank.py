@@ -67,7 +67,7 @@ def learn_with_lags(model: BayesianModel, samples_of: Callable[[Array], Samples]
     """(the model with the lags under which drives are likeliest, its posterior after them); see `under_lags`.
 
     Args:
-        samples_of: the drives' samples under lags [2] of steering and torque, in s.
+        model: the learnt model; samples_of: the drives' samples under lags [2] of steering and torque, in s.
 
     Examples:
         >>> samples_of = lambda lag: samples_from_log(table, None, vehicle=0, drive=0, lag=lag)

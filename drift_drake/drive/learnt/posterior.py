@@ -22,7 +22,7 @@ from drift_drake.common.arrays import Array
 
 
 class Posterior(NamedTuple):
-    """What is believed of theta; the prior is the posterior of no data.
+    """What is believed of theta (section II of Davydov et al.); the prior is the posterior of no data.
 
     Examples:
         >>> belief = model.prior()

@@ -54,10 +54,10 @@ def split_vehicle(samples: Samples, points: int, rotation: int = 0) -> Split:
 
 
 def learn(model: BayesianModel, belief: Posterior, samples: Samples) -> Posterior:
-    """The belief after samples.
+    """The belief after samples (section II of the paper).
 
     Args:
-        belief: before; its mean is [4, 16], of the rates of r, v, beta, omega_r (SI).
+        model: the learnt model; belief: before; its mean is [4, 16], of the rates of r, v, beta, omega_r (SI).
         samples: n transitions in steps of 0.1 s: x [n, states], u [n, 2] in [rad, N m].
 
     Examples:
@@ -130,9 +130,10 @@ def predicted_windows(
 
 
 def step_model(model: BayesianModel, posterior: Posterior, path_step: PathStep = "trapezoid") -> BayesianStepModel:
-    """The one-step model of a posterior's mean: x [n] and u (delta [rad], tau [N m]) to x 0.1 s later.
+    """A posterior mean's one-step model (section II of the paper): x [n], u (delta [rad], tau [N m]) to x 0.1 s later.
 
     Args:
+        model: the learnt model; posterior: its belief of the car at hand;
         path_step: how e and dphi take the step: from its start and its end ("trapezoid"), or from its start ("euler").
 
     Examples:

@@ -25,7 +25,7 @@ class PlanStatus(enum.IntEnum):
 
 
 class LinearInterpolationActuator(LeafSystem):
-    """Holds the controller's latest plan and turns it into commands that vary linearly between the plan's points.
+    """Turns the controller's latest plan into commands that are linear between its points (section II of the paper).
 
     The plan's port is sampled each `period`, into the Context. A plan comes into force at its start time; until then
     the plan before it is followed (so a plan may be sent ahead of its time). Choose the plan's start times as
@@ -52,7 +52,10 @@ class LinearInterpolationActuator(LeafSystem):
         dt: the plan's spacing [s].
         period: of the sampling of the plan's port [s].
         max_age: age from which a plan is LATE [s].
-        initial_command: held while no plan has begun; within the limits.
+        initial_command: (delta [rad], tau [N m]) held while no plan has begun; within the limits.
+
+    Raises:
+        ValueError: an initial command beyond the limits.
 
     Examples:
         >>> LinearInterpolationActuator(car, steps=25).GetInputPort("plan").size()

@@ -53,6 +53,9 @@ DETECTION = ("distance", "statistic", "alarm")  # the detector's ports
 class ControlConfig:
     """How the controller is set up; the same for every model that it is given.
 
+    Raises:
+        ValueError: a delay, tolerance or patience out of its range.
+
     Examples:
         >>> loop = ClosedLoop(car, reference, NominalStepModel(car), control=ControlConfig(horizon=20))
     """
@@ -62,11 +65,11 @@ class ControlConfig:
     delay: float = 0.01  # [s] from a measurement until its plan is in force
     qp: QpMethod = "stagewise"  # what solves the plans' quadratic programs; osqp alone leaves some of them unsolved
     iterations: int = 2  # SQP steps a plan at most; one where the dynamics' defect after it is within its tolerance
-    tolerance: float | None = None  # of a plan's residuals, in place of `iterations`: to show what convergence brings
-    tightening: float = 0.0  # standard deviations of the predicted e by which the lane is narrowed; learnt models only
+    tolerance: float | None = None  # [-] of a plan's residuals, in place of `iterations`
+    tightening: float = 0.0  # [-] deviations of the predicted e by which the lane is narrowed; learnt models only
     screening: bool = True  # of readings, by what a car can do and by what the model predicts
     patience: float = 0.5  # [s] of age of the plan in force, after which the car is stopped on its lane; 0 for never
-    weights: OcpWeights = dataclasses.field(default_factory=OcpWeights)
+    weights: OcpWeights = dataclasses.field(default_factory=OcpWeights)  # of the cost, of a car of the default size
 
     def __post_init__(self) -> None:
         # The actuator keeps one plan that waits for its time; a newer one each period would replace it for ever.
@@ -91,6 +94,7 @@ class ClosedLoop:
         parameters: what the controller and the reference's limits take the car for.
         model: what the predictive controller believes.
         effects: of the true car, in addition to `parameters`: Effects, or magnitudes by name.
+        reference: what to drive; noise: of the sensors; control: how the controller is set up.
         initial_command: (delta [rad], tau [N m]) in force before the first plan; the reference's without.
         adapter: if given, `model` (a `BayesianStepModel`) follows it.
         detector: if given, it watches the adapter's belief (columns `ood_...` of a run's table).
@@ -216,7 +220,7 @@ class ClosedLoop:
         return stop, stop.GetOutputPort("supervised_plan")
 
     def initial_context(self, seed: int, error: Array | None = None) -> Context:
-        """A Context with the car at the reference's start, off by `error` [6], and its noise seeded."""
+        """A Context with the car at the reference's start, off by `error` [6] (SI), and its noise seeded by `seed`."""
         context = self.diagram.CreateDefaultContext()
         state = self.reference.state(0.0) + (np.zeros(6) if error is None else error)
         plant = self.car.plant
@@ -237,12 +241,13 @@ class ClosedLoop:
         An error of the integrator or of a system ends the run as "simulation failed", with what it left.
 
         Args:
-            context: see `initial_context`; change: of the car on the way.
+            context: see `initial_context`; limits: that end it early; accuracy: of the integrator [-]; change: of the
+                car on the way.
             log_to: a CSV to write the log to on the way, for drives of many minutes, whose log fills the memory.
 
         Raises:
             ValueError: a change of a car that was built without effects, whose plant has no states for any, or one
-                that the plant cannot make.
+                that the plant cannot make; OutputError: the log cannot be written.
         """
         if change is not None:
             check_change(change, self.parameters, self.effects, self.car.plant.has_internal_states)

@@ -56,6 +56,9 @@ class Drive:
 
     Systems: driver (a port measured_state in, where it has one, and a port plan out), actuator, dither, car, loggers.
 
+    Raises:
+        InvalidVehicleError: a parameter or an effect that no car has.
+
     Examples:
         >>> driver = ConstantVectorSource(Plan(0.0, np.zeros((2, 2))).vector())
         >>> table, ending = Drive(car, driver, 1, 0.1, None, (0.0, 0.0)).run(x[0], 0.0, duration=0.5, seed=0)
@@ -75,7 +78,9 @@ class Drive:
         plant: PathPlant | None = None,
     ) -> None:
         """Args:
-        steps, plan_spacing: of the driver's plans; dither: [K, 2] that is added to its commands, if any.
+        parameters: the car without effects; driver: a system with a port plan out; steps, plan_spacing: of the driver's
+            plans [s]; dither: [K, 2] that is added to its commands, if any.
+        initial_command: (delta [rad], tau [N m]) before the first plan; effects: of the car; noise: of the sensors.
         reference: where the path comes from.
         plant: the true car, on that path, if it is not that of `parameters` and `effects`; see `Car`.
         """
@@ -113,9 +118,10 @@ class Drive:
         pauses: Iterable[float] = (),
         at_pause: Callable[[Context, pd.DataFrame], str | None] | None = None,
     ) -> tuple[pd.DataFrame, str]:
-        """Drives from a state [6] at s [m] for `duration` [s] or until the limits.
+        """Drives from a state [6] (SI) at s [m] for `duration` [s] or until the limits.
 
         Args:
+            seed: of the sensors' noise; limits: that end it early;
             pauses: times [s] of rows at which the simulation stands still for `at_pause`, which is given the diagram's
                 Context, to change perhaps, and the rows up to then; where it returns a word, the drive ends by it.
 

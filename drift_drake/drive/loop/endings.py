@@ -24,7 +24,7 @@ class RunLimits:
     sideslip: float = 1.3  # [rad] beyond which the car has spun
     turned: float = 1.0  # [s] for which the car heads backwards along its path, after which it has spun, too
     lane_margin: float = 1.0  # [m] that the centre of gravity may be outside the lane
-    time_factor: float = 1.5  # of the reference's own duration; at the safe pace where the car may be slowed down
+    time_factor: float = 1.5  # [-] of the reference's own duration; at the safe pace where the car may be slowed down
     stopping_time: float = 30.0  # [s] more for a car that is being stopped
 
 

@@ -22,7 +22,7 @@ FAILURES = (ArithmeticError, IndexError, RuntimeError, SystemExit, ValueError)
 
 
 class MpcController(LeafSystem):
-    """Model predictive control along a reference: measured state in, plan and predicted trajectory out.
+    """Model predictive control along a reference (section III of the paper): measured state in, plan out.
 
     Each `period` it plans from the measured state and its last solution, see `Mpc`. Where no plan is found, the last
     one stays in force (it goes on in time, and the actuator holds its last command beyond its end) and the failure is
@@ -183,7 +183,7 @@ class ControllerSystem(LeafSystem):
     State in the Context: the plan and the statistics.
 
     Args:
-        horizon: N, steps of 0.1 s; a plan is read at their ends, held beyond its own.
+        controller: what is asked; horizon: N, steps of 0.1 s; a plan is read at their ends, held beyond its own.
         period: [s] between plans; delay: [s] from a measurement until its plan is in force.
 
     Examples:

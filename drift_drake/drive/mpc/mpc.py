@@ -76,14 +76,14 @@ class MpcSolution(NamedTuple):
 
     plan: Plan
     x: Array  # predicted states [N+1, n]
-    primal: Array  # decision vector
-    dual: Array  # multipliers
-    statistics: SolveStatistics
-    alternative: AlternativePlan | None = None
+    primal: Array  # decision vector [size], scaled
+    dual: Array  # multipliers [multiplier_count], scaled
+    statistics: SolveStatistics  # of this solve
+    alternative: AlternativePlan | None = None  # from a fresh guess, while one is worked out
 
 
 class Mpc:
-    """Plans along a reference; holds nothing between solves that a later one depends on.
+    """Plans along a reference (OCP, section III of the paper); holds nothing that a later solve depends on.
 
     Examples:
         >>> mpc, solution = Mpc(NominalStepModel(car), car, reference), None

@@ -47,7 +47,7 @@ class OcpWeights:
     lane_penalty: float = 100.0  # [1/m]
 
     def of_size(self, units: Similarity) -> "OcpWeights":
-        """The weights that plan for a car of other units as these plan for the default one."""
+        """The weights that plan for a car of other units (`Similarity`) as these plan for the default one."""
         per_rate, per_speed, per_length = units.time, 1.0 / units.speed, 1.0 / units.length
         return OcpWeights(
             self.r * per_rate**2, self.v * per_speed**2, self.beta, self.omega_r * per_speed**2,
@@ -89,7 +89,7 @@ class OcpSolution(NamedTuple):
 
 
 class OptimalControlProblem(MathematicalProgram):
-    """The OCP, built once for a horizon; `set` changes its data.
+    """The OCP (section III of the paper), built once for a horizon; `set` changes its data.
 
     Its `stages` are what our own solver takes. The MathematicalProgram, which Drake's solvers take, is made from them:
     each cost and constraint says in its description what it is.
@@ -99,6 +99,10 @@ class OptimalControlProblem(MathematicalProgram):
         stages: costs and bounds, all but the dynamics.
         dynamics: the stacked dynamics constraint, which the line-search SQP reads with the stages.
         extra_cost: a cost in addition to l_k that is not quadratic (Info-OCP's), if any.
+
+    Args:
+        model: one step of the car; parameters: for the limits of the inputs; horizon: N, steps of the model.
+        weights: of the cost; extra_cost: see above; extra_description: what the program says of it.
 
     Examples:
         >>> OptimalControlProblem(NominalStepModel(car), car, horizon=10).num_vars()
@@ -140,8 +144,10 @@ class OptimalControlProblem(MathematicalProgram):
         return [*self.GetAllCosts(), *self.GetAllConstraints()]
 
     def check_stages(self) -> None:
-        """Raises:
-        ValueError: a cost or constraint was added to the program that its stages lack; the message names it.
+        """Sees that nothing was added to the program alone.
+
+        Raises:
+            ValueError: a cost or constraint that its stages lack; the message names it.
         """
         for binding in self._bindings():
             if (what := binding.evaluator().get_description()) not in self._known:
@@ -273,11 +279,11 @@ class OptimalControlProblem(MathematicalProgram):
         return np.concatenate([np.ravel(x / self.layout.state_scale), np.ravel(u / INPUT_SCALE), slack])
 
     def unstack(self, z: Array) -> OcpSolution:
-        """The trajectory (SI) of a decision vector."""
+        """The trajectory x [N+1, n], u [N+1, 2], slack [N] (SI) of a decision vector z [size]."""
         return OcpSolution(*self.layout.split(z), z[-self.horizon :].copy())
 
     def first_guess(self, data: OcpData) -> Array:
-        """A decision vector to start from: the reference with what is off at the start fading out.
+        """A decision vector [size] to start from: the reference with what is off at the start fading out.
 
         Inputs are held where the reference has none.
         """
@@ -306,7 +312,7 @@ def ocp(
     horizon: int = 25,
     weights: OcpWeights | None = None,
 ) -> OptimalControlProblem:
-    """The OCP along a reference, with its data and a first guess set: `pydrake.solvers.Solve` takes it as it is.
+    """The OCP (section III of the paper) along a reference, with data and a first guess, for `pydrake.solvers.Solve`.
 
     Examples:
         >>> problem = ocp(NominalStepModel(car), car, reference, s=20.0)

@@ -40,7 +40,7 @@ class Plan(NamedTuple):
 
     @classmethod
     def of(cls, vector: Array, dt: float = DT) -> "Plan | None":
-        """The plan that a vector holds; None where its start is NaN, which means that there is none."""
+        """The plan that a vector [1 + 2 (N + 1)] holds, spaced by dt [s]; None where its start is NaN."""
         return None if math.isnan(vector[0]) else cls(float(vector[0]), np.reshape(vector[1:], (-1, len(INPUTS))), dt)
 
 

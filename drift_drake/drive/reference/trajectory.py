@@ -71,6 +71,9 @@ class Reference:
         in_transition: whether the car is between two steady drifts [M].
         distance: [m] to drive in all, several laps of a closed path perhaps.
 
+    Raises:
+        ValueError: a grid that is not uniform, a number that is not finite, a speed that is not positive.
+
     Examples:
         >>> reference.state(0.0).round(1).tolist()
         [0.0, 7.5, 0.0, 7.5, 0.0, 0.0]
@@ -213,9 +216,10 @@ def figure_8(parameters: VehicleParameters, radius: float | None = None, sidesli
         radius: [m] of both circles; sideslip: size [rad] of both drifts.
         transition: [m] from the one steady drift to the other.
         half_width: [m] of the lane to either side.
-        laps: how often to drive it, from half-way round the left-hand circle on (1.5: some 27 s, three transitions).
+        laps: [-] to drive, from half-way round the left-hand circle on (1.5: some 27 s, three transitions).
 
     Raises:
+        InvalidOptionError: a number that is not above zero; InvalidVehicleError: a parameter that no car has.
         NoEquilibriumError: the car cannot drift steadily at this radius and sideslip.
         NoTransitionError: the car cannot go from one drift to the other over the transition.
 
@@ -271,6 +275,7 @@ def loops(parameters: VehicleParameters, radius: float | None = None, sideslip: 
         half_width: [m] of the lane to either side.
 
     Raises:
+        InvalidVehicleError: a parameter that no car has; ValueError: an entry speed out of its range.
         NoEquilibriumError: the car cannot drift steadily at this radius and sideslip.
         NoTransitionError: the car cannot go from one state to the next over the distance.
 

@@ -39,10 +39,10 @@ def diagnose(
         calibration: what `identify` found of this car (its JSON's path, or the object), so that the baseline of the
             car is no gap; case: name in the answer; catalogue: names of the effects to consider;
         without: columns to leave out; every: rows of the logs that make one here;
-        process_scale, noise_scale: factors on process and sensor noise [1]; tempering: what a row is worth, (0, 1];
-            these three are part of a calibration;
+        process_scale, noise_scale: factors on process and sensor noise [-]; tempering: what a row is worth [-], in
+            (0, 1]; these three are part of a calibration;
         false_alarms: relative to a calibration by prediction, how often a day without a change may be said to have a
-            gap (0.001 to 0.2; 0.05 if it is not given);
+            gap [-] (0.001 to 0.2; 0.05 if it is not given);
         most_seconds: of logs that are looked at [s]; a calibration by prediction has a limit of its own;
         workers: threads; progress: called with a stage and the share done.
 

@@ -89,13 +89,13 @@ def watch(
         follow: wait for further rows of a file (CSV) that is still being written, or not there yet; a file that is cut
             or replaced is watched anew; idle: end after so many seconds [s] without one, 0: never;
         page: where to draw signals and probabilities and list the events (HTML);
-        tell: called with new events as they come; false_alarms_per_hour: that are allowed in the mean;
+        tell: called with new events as they come; false_alarms_per_hour [1/h]: that are allowed in the mean;
         say: called with what is waited for.
 
     Raises:
         InvalidLogError: the log cannot be watched; InvalidVehicleError: of the vehicle;
         InvalidBaselineScoresError: of the calibration; InvalidOptionError: a run cannot be followed, or the rate is
-            none.
+            none; OutputError: the page cannot be written.
     """
     if not 0.0 < false_alarms_per_hour <= MOST_ALARMS:
         raise InvalidOptionError(f"false_alarms_per_hour {false_alarms_per_hour:g}: give a rate up to {MOST_ALARMS:g}")

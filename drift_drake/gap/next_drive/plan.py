@@ -132,15 +132,16 @@ def plan_from_answer(
     answer: Answer, vehicle: VehicleParameters, config: NextDriveConfig | None = None, own: Effects | None = None,
     diagnosed: Effects | None = None,
 ) -> NextDrive:  # fmt: skip
-    """The drive that follows an answer.
+    """The drive that follows an answer: T-optimal for its hypotheses (Atkinson and Fedorov 1975).
 
     Args:
+        answer: with two open hypotheses; vehicle: that was diagnosed; config: the lane, and how plans are sought;
         own: effects of the vehicle file; without, those that the answer was found with; diagnosed: those of the file
             that was diagnosed, where `vehicle` and `own` are a single-track car that stands for a double-track one.
 
     Raises:
-        UnplannableError: the answer does not hold two hypotheses to tell apart, or was found with other effects in the
-            vehicle file; also see `plan_next`.
+        UnplannableError: the answer does not hold two hypotheses to distinguish, or was found with other effects in the
+            vehicle file; no plan keeps within the lane. InvalidAnswerError: what the answer says of them is no belief.
 
     Examples:
         >>> drive = plan_from_answer(read_answer("open.json"), car)  # doctest: +SKIP

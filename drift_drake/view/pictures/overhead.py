@@ -32,7 +32,8 @@ from drift_drake.view.style import (
 )
 
 COLUMNS = ("t", "x", "y", "psi", "v", "beta", "delta")
-MOST_ABREAST = 5  # entries of the legend in a row: a longer one would be wider than the picture
+WIDTH = 7.5  # [in]
+MOST_ABREAST = 5  # entries of the legend in a row of a picture of that width: a longer one would be wider
 CLEARANCE = 1.6  # lengths of the car between the centres of two of a run
 LINE_SPACING = 0.5  # [m] between points of the reference's lines
 ENDS = {"spin": "x", "left the lane": "s", "time is up": "o"}  # outcome and its marker
@@ -44,6 +45,7 @@ def overhead(
     reference: Reference | None = None,
     parameters: VehicleParameters | None = None,
     car_every: float = 0.7,
+    wide: float = WIDTH,
 ) -> Figure:
     """Draws runs from above: one in the colours of its sideslip, several in one colour each.
 
@@ -52,6 +54,7 @@ def overhead(
         reference: its path and lane are drawn beneath.
         parameters: the car whose outline is drawn; the default car without.
         car_every: [s] between the cars drawn, leaving out those too near another of their run; 0 draws none.
+        wide: width of the picture [in]; its letters have a size of their own.
 
     Raises:
         ValueError: there is no run; a run lacks a column or has no row.
@@ -60,7 +63,10 @@ def overhead(
     shape = CarShape.of(parameters or VehicleParameters())
     low, high = extent(runs, reference, 0.6 * shape.length)
     width, height = high - low
-    figure = new_figure(7.5, float(np.clip(1.0 + 5.8 * height / width, 1.9, 8.5)))
+    abreast = math.ceil(MOST_ABREAST * wide / WIDTH)
+    rows = math.ceil((len(runs) + 2 * (reference is not None)) / abreast)  # of the legend
+    tall = 1.0 + 0.17 * max(rows - 2, 0) + wide / WIDTH * 5.8 * height / width
+    figure = new_figure(wide, float(np.clip(tall, 1.9, 8.5)))
     axes = figure.add_subplot(xlim=(low[0], high[0]), ylim=(low[1], high[1]))
     axes.set_aspect("equal")
     if reference is not None:
@@ -74,7 +80,7 @@ def overhead(
     axes.plot(first["x"].iloc[0], first["y"].iloc[0], "o", color=INK, markersize=3.5, zorder=6)
     axes.annotate("start", (first["x"].iloc[0], first["y"].iloc[0]), (6, 6), textcoords="offset points", zorder=6)
     axes.set(xlabel="x [m]", ylabel="y [m]")
-    _legend(axes, runs, reference)
+    _legend(axes, runs, reference, abreast)
     if mappable is not None:
         bar = figure.colorbar(mappable, ax=axes, label="sideslip [deg]", shrink=0.7, aspect=30, pad=0.02)
         bar.outline.set_visible(False)
@@ -151,7 +157,7 @@ def draw_cars(axes: Axes, run: pd.DataFrame, shape: CarShape, every: float, colo
     axes.add_collection(PolyCollection(cabins, facecolors=colour, edgecolors="none", alpha=0.35, zorder=5.15))
 
 
-def _legend(axes: Axes, runs: Mapping[str, pd.DataFrame], reference: Reference | None) -> None:
+def _legend(axes: Axes, runs: Mapping[str, pd.DataFrame], reference: Reference | None, abreast: int) -> None:
     handles = []
     if len(runs) > 1:
         handles += [
@@ -162,7 +168,7 @@ def _legend(axes: Axes, runs: Mapping[str, pd.DataFrame], reference: Reference |
         handles.append(Line2D([], [], color=REFERENCE, linewidth=0.9, linestyle=(0, (4, 3)), label="reference"))
         handles.append(Line2D([], [], color="#B8B8B4", linewidth=0.8, label="lane"))
     if handles:
-        columns = min(len(handles), MOST_ABREAST)
+        columns = min(len(handles), abreast)
         axes.legend(handles=handles, loc="lower right", ncols=columns, bbox_to_anchor=(1.0, 1.0))
 
 

@@ -34,9 +34,9 @@ from drift_drake.view.style import DEGREES, KMH, colours_of
 FRAMES_PER_SECOND = (10.0, 30.0)  # as many as keep a long run to
 MOST_FRAMES = 3000.0
 READ_OUTS = (  # column, name and unit on the panel, factor
-    ("beta", "slip", "deg", DEGREES),
+    ("beta", "sideslip", "deg", DEGREES),
     ("v", "speed", "km/h", KMH),
-    ("r", "yaw", "deg/s", DEGREES),
+    ("r", "yaw rate", "deg/s", DEGREES),
 )
 READ_STEP, MOST_READ = 0.02, 1500.0  # [s] between values at least, and how many of a long run
 PANEL = Path(__file__).parent / "replay_panel.html"

@@ -63,7 +63,7 @@ def test_the_panel_reads_out_what_all_runs_have_in_a_drivers_units(perfect_run, 
     gap = perfect_run.copy()
     gap.loc[gap.index[:20], "v"] = float("nan")
     slip, speed, yaw = read_outs({"real": perfect_run, "nominal": gap})
-    assert [signal["name"] for signal in (slip, speed, yaw)] == ["slip", "speed", "yaw"]
+    assert [signal["name"] for signal in (slip, speed, yaw)] == ["sideslip", "speed", "yaw rate"]
     assert speed["cars"][0][0] == pytest.approx(3.6 * perfect_run["v"].iloc[0], abs=0.01)
     assert speed["cars"][1][0] is None
     assert speed["step"] * (len(speed["cars"][0]) - 1) == pytest.approx(np.ptp(perfect_run["t"]), abs=speed["step"])

@@ -35,32 +35,32 @@ class UnplannableError(DriftDrakeError, ValueError):
 
 @dataclasses.dataclass(frozen=True)
 class Answer:
-    """One case's answer. Beyond the contract's keys: tolerances, reduction by state and horizon, warnings.
+    """One case's answer, as in its JSON file (docs/formats.md).
 
     Examples:
         >>> read_answer("answer.json").causes
         ['steering_lag']
     """
 
-    case: str
+    case: str  # name
     verdict: str  # effect, none or unknown
-    causes: list[str]
-    posterior: dict[str, float]
-    ambiguity: list[str]
+    causes: list[str]  # names of effects
+    posterior: dict[str, float]  # probability [-] of each hypothesis
+    ambiguity: list[str]  # hypotheses that together hold 95 %
     magnitudes: dict[str, Interval]  # in the catalogue's units
-    where: dict[str, Any]
-    reduction: Interval
-    seconds: float
-    tolerances: dict[str, float]  # deviations from the vehicle file found in addition to the causes, in tolerances
-    details: dict[str, Any]
-    warnings: list[str]
+    where: dict[str, Any]  # in which states, runs and regions the gap acts
+    reduction: Interval  # share [-] of the gap that the causes remove
+    seconds: float  # [s] of CPU
+    tolerances: dict[str, float]  # [tolerances] deviations from the vehicle file found in addition to the causes
+    details: dict[str, Any]  # of the method
+    warnings: list[str]  # sentences
 
     def to_json(self) -> str:
         """The answer as JSON text; a number that is not finite, which JSON has none of, is null."""
         return json.dumps(_rounded(dataclasses.asdict(self)), indent=2, allow_nan=False)
 
     def write(self, path: str | Path) -> None:
-        """Writes the JSON file."""
+        """Writes the JSON file to a path; OutputError where it cannot."""
         write_text(path, self.to_json() + "\n")
 
     def sentence(self) -> str:

@@ -16,6 +16,7 @@ def corrected_vehicle(
     """The vehicle with the answer's causes added, and what comes along with them (`details["with"]`).
 
     Args:
+        vehicle: that was diagnosed, without effects; answer: of the diagnosis;
         tolerances: whether the deviations within tolerance that were found with them are applied too;
         own: effects that the vehicle had before.
 

@@ -57,7 +57,7 @@ def check(
 
     Raises:
         InvalidLogError: no run can be used; InvalidVehicleError: of the vehicle; InvalidCalibrationError: of the
-            calibration; InvalidOptionError: a calibration without a vehicle.
+            calibration; InvalidOptionError: a calibration without a vehicle; SimulatorError: of a simulator.
     """
     if calibration is not None and vehicle is None:
         raise InvalidOptionError("--calibration is of a vehicle file; give --vehicle too")

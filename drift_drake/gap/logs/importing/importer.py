@@ -60,7 +60,7 @@ class ImportReport:
     """What was estimated on the way: offsets of clocks by recording, and each run's report.
 
     remarks: all sentences on what looks wrong, each with the name of its run or recording; unchecked: columns of which
-    no other one tells whether they are right.
+    no other one tells whether they are right; undecided: what else the columns cannot tell, as clauses.
     """
 
     recorder: str
@@ -68,6 +68,7 @@ class ImportReport:
     runs: list[RunReport]
     remarks: list[str]
     unchecked: tuple[str, ...] = ()
+    undecided: tuple[str, ...] = ()
 
 
 def import_recordings(
@@ -105,7 +106,7 @@ def import_recordings(
     reports = [_report(piece, run, wrong[piece.label]) for piece, run in zip(pieces, once, strict=True)]
     remarks += [f"{report.name}: {sentence}" for report in reports for sentence in report.remarks]
     remarks += [f"{', '.join(clocks)}: {sentence}" for sentence in same]
-    return once, ImportReport(mapping.recorder, clocks, reports, remarks, doubts.unchecked)
+    return once, ImportReport(mapping.recorder, clocks, reports, remarks, doubts.unchecked, doubts.undecided)
 
 
 @dataclasses.dataclass(frozen=True)

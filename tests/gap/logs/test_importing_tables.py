@@ -221,6 +221,17 @@ def test_seconds_and_nanoseconds_in_two_columns_are_one_clock(tmp_path):
     assert_the_drive(tmp_path / "drive.csv")
 
 
+def test_a_clock_of_whole_seconds_is_too_coarse(tmp_path):
+    cells = columns(NAMES["english"], ("deg/s", "km/h", "g", "deg"))
+    cells["time"] = [str(int(t)) for t in drive()["t"]]
+    (tmp_path / "drive.csv").write_text(table(cells))
+    content = mapping_from_dict(look(tmp_path / "drive.csv").mapping)
+    with pytest.raises(
+        InvalidRecordingError, match=r"the clock 'time' ticks each 1 s, and a log needs readings each 0\.2 s"
+    ):
+        import_recordings([tmp_path / "drive.csv"], content)
+
+
 def test_signals_are_guessed_without_a_clock(tmp_path, capsys):
     cells = columns(NAMES["english"], ("deg/s", "km/h", "g", "deg"))
     cells.pop("time")

@@ -20,6 +20,7 @@ from drift_drake.gap.logs.importing.position import course_doubts
 from drift_drake.gap.logs.importing.recording import Recording, read_recording
 from drift_drake.gap.logs.importing.smoothing import SHORTEST, smooth
 from drift_drake.gap.logs.importing.stretches import (
+    LARGEST_GAP,
     MEASURED,
     VELOCITY,
     Stretch,
@@ -139,6 +140,12 @@ def _pieces(
     if not kept:
         if doubted:
             raise InvalidRecordingError(f"{path}: {doubted[0]}")
+        step = float(np.median(np.diff(first.t)))
+        if step > LARGEST_GAP:
+            raise InvalidRecordingError(
+                f"{path}: the clock '{clock.column}' ticks each {step:.3g} s, and a log needs readings each "
+                f"{LARGEST_GAP:g} s or more often; name a finer column of times, or record faster"
+            )
         asked = "" if mapping.moving is None else f" above {mapping.moving.speed:g} m/s"
         raise InvalidRecordingError(
             f"{path}: holds no {SHORTEST_RUN} rows of motion{asked} without a gap; leave it out, or change "

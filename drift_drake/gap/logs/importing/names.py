@@ -92,7 +92,7 @@ def concepts(name: str) -> tuple[set[str], int, int]:
             said.add("earth")
         elif len(word) > 1 or number > 0:  # nYawRate
             unknown += 1
-    if last and said & VECTORS and last[1] in AXES:
+    if last and (said & VECTORS or "xyz" in words) and last[1] in AXES:
         said.add(AXES[last[1]])
     elif last:
         said.add("element")

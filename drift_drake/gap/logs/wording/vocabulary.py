@@ -62,7 +62,7 @@ CONCEPTS = {
         "state states drive unix data msg msgs message header twist stamped value val signal sig channel ch vicon "
         "mocap optitrack vbox racebox racelogic aim motec cog cg com mpu vesc fix pvt local global map world base "
         "link frame elapsed log since start uptime boot system sys ros recording recorder session of and the in at by "
-        "for de du la le au del della dell di al der die das von vom rec "
+        "for de du la le au del della dell di al der die das von vom rec xyz "
         "true mean smoothed smooth lowpass lp current topic can1 can2 bus "
         "hydra daq logger adma oxts rt3000 kistler correvit inertial unit group"
     ),

@@ -13,7 +13,8 @@ import numba
 from filelock import FileLock
 from numba.core.compiler_lock import global_compiler_lock
 
-from drift_drake.car.effects.installed import extensions_folder, fingerprint
+from drift_drake.car.effects.installed import fingerprint
+from drift_drake.car.effects.trial import extensions_folder
 from drift_drake.car.tyre import installed_tyres
 
 Function = TypeVar("Function", bound=Callable[..., Any])

@@ -12,11 +12,12 @@ gives along and across follows from the one length of the slip.
 import math
 from collections.abc import Callable
 from functools import cache
-from importlib.metadata import entry_points
+from importlib.metadata import EntryPoint, entry_points
 from typing import Any, Protocol
 
 from drift_drake.car.effects.installed import loaded
 from drift_drake.car.effects.record import InvalidExtensionError
+from drift_drake.car.effects.trial import see_that_they_end
 from drift_drake.car.scalar import jitable, norm2, select
 from drift_drake.common.errors import one_line
 
@@ -84,12 +85,32 @@ def installed_tyres() -> dict[str, Callable[..., Any]]:
     Raises:
         InvalidExtensionError: one cannot be imported, or is none.
     """
-    points = sorted(entry_points(group=GROUP), key=lambda point: point.name)
-    wheres = {point: f"tyre {point.name} ({point.value})" for point in points}
-    for point, where in wheres.items():
+    points = _points()
+    for where, point in points.items():
         if point.name == "brush":
             raise InvalidExtensionError(f"{where}: brush is there already; give yours another name")
-    return {point.name: _checked(where, loaded(where, point)) for point, where in wheres.items()}
+    see_that_they_end(points, f"{__name__}:{try_tyres.__name__}")
+    return {point.name: _checked(where, loaded(where, point)) for where, point in points.items()}
+
+
+def _points() -> dict[str, EntryPoint]:
+    """The entry points, by what messages call them."""
+    points = sorted(entry_points(group=GROUP), key=lambda point: point.name)
+    return {f"tyre {point.name} ({point.value})": point for point in points}
+
+
+def try_tyres(begin: Callable[[str], None]) -> None:
+    """Loads and checks all, for a process of its own (`trial`).
+
+    Args:
+        begin: called with what messages call a tyre, as its turn comes.
+
+    Raises:
+        InvalidExtensionError: one cannot be used.
+    """
+    for where, point in _points().items():
+        begin(where)
+        _checked(where, loaded(where, point))
 
 
 def _checked(where: str, tyre: Any) -> Callable[..., Any]:

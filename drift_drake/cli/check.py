@@ -93,8 +93,8 @@ def sentences(checked: "Checked") -> list[str]:
     missing = sorted({name for run in checked.runs for name in run.missing})
     lines.append(f"columns missing: {', '.join(missing)}" if missing else "columns: all of the log format")
     lines += [f"! {remark}" for remark in checked.remarks] or ["bad samples: none"]
-    if checked.unchecked:
-        lines.append(f"not checked, since no other column can: {', '.join(checked.unchecked)}")
+    if checked.unchecked or checked.undecided:
+        lines.append(f"not checked, since no other column can: {', '.join([*checked.unchecked, *checked.undecided])}")
     if checked.regions:
         driven = sorted(checked.regions.items(), key=lambda item: -item[1])
         lines += ["driven:", *(f"  {seconds:5.1f} s  {name}" for name, seconds in driven)]

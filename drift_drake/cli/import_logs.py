@@ -2,6 +2,7 @@
 
 import dataclasses
 import math
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -140,11 +141,15 @@ def summary(report: "ImportReport") -> str:
         name, sentence = remark.split(": ", 1)
         where.setdefault(sentence, []).append(name)
     lines += [f"! {sentence} ({_names(names)})" for sentence, names in where.items()]
-    if not report.unchecked:
+    blind = [*_whether(report.unchecked), *report.undecided]
+    if not blind:
         return "\n".join(lines if where else [*lines, "Signs and units: nothing looks wrong."])
-    verb = "is" if len(report.unchecked) == 1 else "are"
-    blind = f"no other column tells whether {', '.join(report.unchecked)} {verb} right"
-    return "\n".join([*lines, f"Signs and units: {'' if where else 'nothing else looks wrong; '}{blind}."])
+    said = f"no other column tells {', '.join(blind)}"
+    return "\n".join([*lines, f"Signs and units: {'' if where else 'nothing else looks wrong; '}{said}."])
+
+
+def _whether(names: Sequence[str]) -> list[str]:
+    return [f"whether {', '.join(names)} {'is' if len(names) == 1 else 'are'} right"] if names else []
 
 
 def _names(names: list[str]) -> str:

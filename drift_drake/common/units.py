@@ -14,7 +14,8 @@ DIMENSIONS = {  # of a quantity: its SI unit, and the factors to it
     "time": ("s", {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0, "h": 3600.0, "day": 86400.0}),
     "length": (
         "m",
-        {"m": 1.0, "mm": 1e-3, "cm": 1e-2, "km": 1e3, "ft": 0.3048, "in": 0.0254, "yd": 0.9144, "mi": 1609.344},
+        {"m": 1.0, "mm": 1e-3, "cm": 1e-2, "dm": 0.1, "km": 1e3, "ft": 0.3048, "in": 0.0254, "yd": 0.9144,
+         "mi": 1609.344},
     ),
     "angle": ("rad", {"rad": 1.0, "deg": math.pi / 180.0, "rev": 2.0 * math.pi, "mrad": 1e-3}),
     "speed": (
@@ -24,7 +25,8 @@ DIMENSIONS = {  # of a quantity: its SI unit, and the factors to it
     ),
     "angular rate": (
         "rad/s",
-        {"rad/s": 1.0, "deg/s": math.pi / 180.0, "rpm": math.pi / 30.0, "rev/s": 2.0 * math.pi, "mrad/s": 1e-3},
+        {"rad/s": 1.0, "deg/s": math.pi / 180.0, "rpm": math.pi / 30.0, "rev/s": 2.0 * math.pi, "mrad/s": 1e-3,
+         "mdeg/s": 1e-3 * math.pi / 180.0},
     ),
     "acceleration": (
         "m/s^2",
@@ -55,19 +57,20 @@ WORDS = {  # of a unit of the table, or of a factor in products: further spellin
     "mi": "mile miles",
     "rad": "radian radians rads radiant",
     "deg": "degree degrees degs grad ° º",
-    "mrad": "mrads milliradian milliradians",
+    "mrad": "mrads millirad milliradian milliradians",
     "rev": "revs revolution revolutions turn turns umdrehung umdrehungen tour tours tr u",
     "m/s": "mps ms-1 meterpersecond meterspersecond m/sec",
     "km/h": "kmh kph kmph kmhr km/hr kmh-1 kilometersperhour kilometresperhour kilometerperhour",
     "mph": "mi/h mi/hr miles/h miles/hr milesperhour mileperhour",
-    "kn": "kt kts knot knots knoten noeud noeuds",
+    "kn": "kt kts knot knots knoten noeud noeuds nmi/h",
     "ft/s": "fps feetpersecond",
     "rad/s": "rads radps radpersec radiansps rads-1",
     "deg/s": "dps degps degs degpersec °ps degreesps degs-1",
     "rpm": "1/min min-1 upm u/min tr/min r/min rev/min revpm revsperminute",
     "rev/s": "rps hz/rev",
+    "mdeg/s": "mdps",
     "m/s^2": "mps2 ms-2 m/s/s mpss m/ss ms2 mss",
-    "g": "gs gee gees gn g0 g-force",
+    "g": "gs g's gee gees gn g0 g-force",
     "mg": "milli-g millig",
     "ft/s^2": "fps2 ft/s/s",
     "N m": "nm newtonmeter newtonmeters newtonmetre newtonmetres nmeter",
@@ -146,7 +149,7 @@ def unit_of(text: str, kinds: tuple[str, ...] | None = None) -> Unit | None:
 
 def _plain(text: str) -> str:
     """Without brackets, quotes, typographic signs."""
-    plain = text.replace("**", "^").replace("Â", "").translate(SIGNS)
+    plain = text.replace("**", "^").replace("Â", "").replace("œ", "oe").translate(SIGNS)
     plain = unicodedata.normalize("NFKC", plain).translate(SIGNS).strip().strip("\"'").strip()
     while len(plain) > 1 and plain[0] + plain[-1] in ("[]", "()", "{}", "<>"):
         plain = plain[1:-1].strip()

@@ -5,7 +5,6 @@ import hashlib
 import itertools
 import keyword
 import math
-import os
 import random
 import sys
 from collections.abc import Callable, Mapping
@@ -26,6 +25,7 @@ from drift_drake.car.effects.record import (
     Fit,
     InvalidExtensionError,
 )
+from drift_drake.car.effects.trial import see_that_they_end
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.common.errors import one_line, shown
 from drift_drake.common.interruption import TerminatedError
@@ -50,6 +50,12 @@ KINDS: tuple[tuple[tuple[str, ...], Callable[[Any], bool], str], ...] = (
 CHOICES = {"needs": LOG_COLUMNS, "remembers": COMMANDS, "fitted": get_args(Fit)}
 RESULTS = {"force": 3, "actuation": 2, "reading": 3, "rate": 1, "start": 1}  # how many numbers a function gives
 STATES = 100  # of a drive, in which physics are tried
+EXTREMES = (
+    (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0), (0.0, 1e-6, 0.0, 1e-6, 0.0, 0.0, 1e3),
+    (0.1, -5.0, 0.01, -5.0, 0.1, 100.0, 0.3),
+    (-20.0, 100.0, 3.1, 200.0, -1.0, -1e5, -1e3), (20.0, 100.0, -3.1, 0.0, 1.0, 1e5, 50.0),
+)  # fmt: skip
+"""Standing, creeping, backwards, spinning and locked: compiled functions must end there, too."""
 
 
 @cache
@@ -64,12 +70,20 @@ def installed_effects() -> dict[str, Effect]:
     Raises:
         InvalidExtensionError: one cannot be imported, or is none.
     """
-    points = sorted(entry_points(group=GROUP), key=lambda point: point.name)
-    found = {point.name: _loaded(point) for point in points}
+    points = _points()
+    see_that_they_end(points, f"{__name__}:{try_effects.__name__}")
+    found = {point.name: _loaded(where, point) for where, point in points.items()}
     if len(found) < len(points):
-        raise InvalidExtensionError(f"effects {', '.join(point.name for point in points)}: a name is there twice")
-    _see_that_they_compile(found)
+        raise InvalidExtensionError(
+            f"effects {', '.join(point.name for point in points.values())}: a name is there twice"
+        )
     return found
+
+
+def _points() -> dict[str, EntryPoint]:
+    """The entry points, by what messages call them."""
+    points = sorted(entry_points(group=GROUP), key=lambda point: point.name)
+    return {f"effect {point.name} ({point.value})": point for point in points}
 
 
 def loaded(where: str, point: EntryPoint) -> Any:
@@ -85,8 +99,7 @@ def loaded(where: str, point: EntryPoint) -> Any:
         ) from None
 
 
-def _loaded(point: EntryPoint) -> Effect:
-    where = f"effect {point.name} ({point.value})"
+def _loaded(where: str, point: EntryPoint) -> Effect:
     effect = loaded(where, point)
     if not point.name.isidentifier() or point.name.startswith("_") or keyword.iskeyword(point.name):
         raise InvalidExtensionError(f"{where}: its name is no name of a variable; choose one such as side_wind")
@@ -215,41 +228,43 @@ def _tried(where: str, effect: Effect, name: str, arguments: tuple[Any, ...]) ->
     return found
 
 
-def _see_that_they_compile(effects: Mapping[str, Effect]) -> None:
-    """Compiles each function once for floats; that it went well is remembered of these sources.
+def try_effects(begin: Callable[[str], None]) -> None:
+    """Loads all, compiles their functions, calls these in many states: for a process of its own (`trial`).
+
+    Args:
+        begin: called with what messages call an effect, as its turn comes.
 
     Raises:
-        InvalidExtensionError: numba cannot compile one.
+        InvalidExtensionError: one cannot be used, or numba cannot compile it.
     """
-    functions = [(name, kind) for name, effect in effects.items() for kind in FUNCTIONS if getattr(effect, kind)]
+    for where, point in _points().items():
+        begin(where)
+        _see_that_it_compiles(point.name, _loaded(where, point))
+
+
+def _see_that_it_compiles(name: str, effect: Effect) -> None:
+    functions = {kind: function for kind in FUNCTIONS if (function := getattr(effect, kind)) is not None}
     if not functions:
-        return
-    mark = extensions_folder() / f"compiles-{_digest(effects, {})}"
-    if mark.is_file():
         return
     import numba
 
     if numba.config.DISABLE_JIT:
         return
-    for name, kind in functions:
-        effect = effects[name]
-        calls = _calls(*_states()[0], effect.high, (0.0,) if effect.rate else ())
+    own = (0.0,) if effect.rate else ()
+    for kind, function in functions.items():
+        compiled = numba.njit(function)
         try:
-            numba.njit(getattr(effect, kind))(*calls[kind])
+            compiled(*_calls(*_states()[0], effect.high, own)[kind])
         except Exception as error:  # of many classes
             lines = [line.strip() for line in str(error).splitlines() if line.strip() and "pipeline" not in line]
             raise InvalidExtensionError(
                 f"effect {name}: numba cannot compile its {kind} ({' '.join(lines[:2])}); use plain arithmetic and the "
                 "functions of drift_drake.car.scalar"
             ) from None
-    with suppress(OSError):
-        mark.parent.mkdir(parents=True, exist_ok=True)
-        mark.touch()
-
-
-def extensions_folder() -> Path:
-    """Where what is compiled of other packages is kept."""
-    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "drift_drake"
+        magnitudes = (0.0, effect.low, effect.high, 0.5 * effect.high, 2.0 * effect.high)
+        for moving, magnitude in itertools.product((*_states(), *EXTREMES), magnitudes):
+            with suppress(ArithmeticError, ValueError):  # that all is finite is seen in `_tried`
+                compiled(*_calls(*moving, magnitude, own)[kind])
 
 
 def _check_state(where: str, effect: Effect) -> tuple[float, ...]:

@@ -65,7 +65,9 @@ def test_columns_that_cannot_be_checked_are_named(tmp_path):
     assert "no other column tells whether" in summary(report)
     (tmp_path / "all").mkdir()
     _, report = imported(tmp_path / "all", table)
-    assert summary(report).endswith("Signs and units: nothing looks wrong.")
+    assert report.unchecked == ()
+    assert "whether v and omega_r are exchanged" in summary(report)
+    assert "nothing looks wrong" not in summary(report)
 
 
 def test_a_recording_given_twice_counts_once(tmp_path):

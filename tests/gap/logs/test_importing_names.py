@@ -14,10 +14,10 @@ MEANT = {
     "r": "yaw_rate|YawRate|yawrate|imu.angular_velocity.z|gyro_z|GyroZ|gyro[2]|GyrZ|wz|ang_vel_z|psi_dot|YawRt"
     "|Gyro Yaw Velocity"
     "|z_rate_of_rotation|GPS Yaw Rate|nYawRate|Gierrate|Giergeschwindigkeit|Drehrate z|vitesse de lacet|taux de lacet"
-    "|yaw [deg/s]|yaw_rate_deg_s|r",
+    "|yaw [deg/s]|yaw_rate_deg_s|gyro_z_mdps|velocidad de guiñada|r",
     "v": "speed|VehSpeed|vehicle_speed|VehSpd|Ground Speed|GPS Speed (km/h)|Speed (m/s) *gps|vCar|v|v [km/h]|speed_mph"
     "|SpeedKmh|speedkmh|Speed (kts)|v_knots|Geschwindigkeit|Fahrzeuggeschwindigkeit|v_Fzg|vitesse véhicule|vitesse"
-    "|drive.drive.speed|velocity kmh|speed_over_ground|Speed (GPS)",
+    "|drive.drive.speed|speed_2d|vehicle_status.speed|Vitesse [nœuds]|velocity kmh|speed_over_ground|Speed (GPS)",
     "vx": "vx|vel_x|v_x|twist.linear.x|velocity[0]|velocity.x|vx_mps",
     "vy": "vy|twist.linear.y|velocity[1]|v_lat",
     "ax": "ax|acc_x|linear_acceleration.x|accel[0]|InlineAcc|GPS LonAcc|GForceX|Längsbeschleunigung|LaengsBeschl",
@@ -25,14 +25,16 @@ MEANT = {
     "|accélération latérale|accel transversale|linear_acceleration.y|imu.acceleration[1]",
     "delta_cmd": "steering_angle|SteerAng|Steered Angle|road_wheel [rad]|delta|delta_f|steering"
     "|Steering Wheel Angle|SWA"
-    "|Lenkradwinkel|Lenkwinkel|angle volant|Angle de braquage|steering_angle_cmd|StrWhlAng|Steering Pos",
+    "|ángulo del volante|angolo del volante [°]|Lenkradwinkel|Lenkwinkel|angle volant|Angle de braquage"
+    "|steering_angle_cmd|StrWhlAng|Steering Pos",
     "omega_r": "wheel_speed_rl|wheelspeedrr|WheelSpdRR|ws_rl|omega_r|rear_wheel_speed|Raddrehzahl hinten links"
     "|Radgeschwindigkeit HL|vitesse roue AR gauche|wheel_rpm_rl|wheel rr (km/h)|Wheel Speed LR",
     "psi": "psi|heading|yaw|yaw_angle|orientation.yaw|Gierwinkel|cap|psi_deg",
     "beta": "beta|sideslip|side_slip_angle|Schwimmwinkel|angle de dérive",
     "tau_cmd": "tau|engine_torque|motor_torque_cmd|Motormoment|couple moteur|Antriebsmoment [Nm]",
     "x": "x|pos_x|position.x|x_m|x [m]|pos[0]",
-    "time": "time|t|Time|timestamp|Zeit [s]|Zeitstempel|temps|time_ms|header.stamp|elapsed_time|UTC|Uhrzeit|log_time",
+    "time": "time|t|Time|timestamp|Zeit [s]|Zeitstempel|temps|time_ms|header.stamp|elapsed_time|UTC|Uhrzeit|log_time"
+    "|seconds of day|millis|iTOW",
 }
 NONE = [  # names of no quantity of the log
     "desired_yaw_rate", "yaw_rate_target", "yaw_rate_setpoint", "Sollgierrate", "yaw_rate_offset", "yaw_rate_limit",

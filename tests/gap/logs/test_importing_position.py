@@ -10,6 +10,7 @@ import yaml
 from drift_drake.cli.main import main
 from drift_drake.gap.logs.importing.formats.files import InvalidRecordingError
 from drift_drake.gap.logs.importing.importer import import_recordings
+from drift_drake.gap.logs.importing.look import look
 from drift_drake.gap.logs.importing.mapping import InvalidMappingError, mapping_from_dict
 from drift_drake.gap.logs.importing.paths import import_paths
 from drift_drake.gap.logs.importing.position import course_doubts, path_motion, projected
@@ -162,3 +163,27 @@ def test_a_yaw_rate_against_the_course_or_in_another_unit_is_doubted():
     assert "r is 57.3 times the course's rate" in course_doubts({"r": np.degrees(r), "course": course}, 0.01)[0]
     assert not course_doubts({"r": r}, 0.01)
     assert not course_doubts({"r": 0.0 * r, "course": 0.0 * course}, 0.01)
+
+
+@pytest.mark.parametrize("slides", [False, True])
+def test_a_receivers_heading_is_its_course(tmp_path, slides):
+    """By its name it may be either: with nothing else that turns, it is the course where the car goes that way."""
+    gps_file(tmp_path / "lap.csv", 0.04 * np.arange(500))
+    table = pd.read_csv(tmp_path / "lap.csv").rename(columns={"Course (deg)": "Heading (deg)"})
+    table["Heading (deg)"] = (table["Heading (deg)"] + 30.0 * slides) % 360.0
+    table.to_csv(tmp_path / "lap.csv", index=False)
+    signals = look(tmp_path / "lap.csv").mapping["signals"]
+    assert ("psi" in signals, "course" in signals) == (slides, not slides)
+    if not slides:
+        assert signals["course"] == {"column": "Heading (deg)", "unit": "deg", "frame": "ned"}
+
+
+def test_degrees_and_minutes_in_one_number_are_no_position(tmp_path):
+    gps_file(tmp_path / "lap.csv", 0.04 * np.arange(500))
+    table = pd.read_csv(tmp_path / "lap.csv").rename(columns=lambda name: name.split(" ")[0])
+    for name in ("Latitude", "Longitude"):
+        table[name] = 100.0 * np.floor(table[name]) + 60.0 * (table[name] % 1.0)
+    table.to_csv(tmp_path / "lap.csv", index=False)
+    found = look(tmp_path / "lap.csv")
+    assert not {"latitude", "longitude"} & set(found.mapping["signals"])
+    assert any("Latitude and Longitude are no degrees" in note for note in found.notes)

@@ -136,6 +136,7 @@ def test_a_px4_log_comes_back(tmp_path):
     assert topics["vehicle_gps_position"].table["vehicle_gps_position.lon"][0] == pytest.approx(-LONG)
     found = look(tmp_path / "drive.ulg")
     assert found.mapping["frame"] == "ned"
+    assert found.mapping["signals"]["r"]["column"] == "vehicle_angular_velocity.xyz[2]"
     assert {topic.name: topic.rate for topic in found.topics}["vehicle_attitude"] == pytest.approx(100.0)
 
 

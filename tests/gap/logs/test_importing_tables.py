@@ -148,7 +148,7 @@ def test_a_table_without_a_header_numbers_its_columns(tmp_path):
     assert len(topic.table) == 60
 
 
-def blanks(offsets):
+def blanks(offsets, blank=""):
     """Each signal in rows of its own, some milliseconds after the first."""
     exact = drive()
     written = []
@@ -158,14 +158,15 @@ def blanks(offsets):
         written += [(at, number, value) for at, value in zip(t, values, strict=True)]
     lines = ["time,yaw_rate [rad/s],speed [m/s],acc_y [m/s2],steering_angle [rad]"]
     for t, number, value in sorted(written):
-        cells = [""] * len(SIGNALS)
+        cells = [blank] * len(SIGNALS)
         cells[number] = f"{value:.7f}"
         lines.append(f"{t:.4f},{','.join(cells)}")
     return "\n".join(lines) + "\n"
 
 
-def test_signals_in_rows_of_their_own_have_a_clock_each(tmp_path):
-    (tmp_path / "drive.csv").write_text(blanks((0.0, 0.003, 0.006, 0.008)))
+@pytest.mark.parametrize("blank", ["", "-", "SNA"])
+def test_signals_in_rows_of_their_own_have_a_clock_each(tmp_path, blank):
+    (tmp_path / "drive.csv").write_text(blanks((0.0, 0.003, 0.006, 0.008), blank))
     found = look(tmp_path / "drive.csv")
     assert len(found.mapping["clocks"]) == 4
     assert any("rows of their own" in note for note in found.notes)
@@ -191,6 +192,44 @@ def test_each_signal_with_times_of_its_own(tmp_path):
     (tmp_path / "drive.csv").write_text(table(cells))
     assert len(look(tmp_path / "drive.csv").mapping["clocks"]) == 4
     assert_the_drive(tmp_path / "drive.csv")
+
+
+def test_clocks_side_by_side_that_run_apart(tmp_path):
+    """Each block of columns has a clock and rows of its own; a lap's time next to the clock is no such clock."""
+    exact = drive()
+    cells = {}
+    for number, key in enumerate(SIGNALS, 1):
+        part = [*texts(exact["t"][::number]), *[""] * (COUNT - len(exact["t"][::number]))]
+        values = [*texts(exact[key][::number]), *[""] * (COUNT - len(exact["t"][::number]))]
+        cells |= {f"Time_{number}": part, NAMES["english"][number]: values}
+    (tmp_path / "drive.csv").write_text(table(cells))
+    assert len(look(tmp_path / "drive.csv").mapping["clocks"]) == 4
+    assert_the_drive(tmp_path / "drive.csv")
+    timed = {"time": texts(exact["t"]), "yaw rate": texts(exact["r"]), "lap time": texts(exact["t"] % 7.0)}
+    timed |= {"speed": texts(exact["v"]), "road wheel angle": texts(exact["delta_cmd"])}
+    (tmp_path / "laps.csv").write_text(table(timed))
+    assert list(look(tmp_path / "laps.csv").mapping["clocks"].values()) == [{"column": "time"}]
+
+
+def test_seconds_and_nanoseconds_in_two_columns_are_one_clock(tmp_path):
+    exact = drive()
+    cells = columns(NAMES["english"], ("deg/s", "km/h", "g", "deg"))
+    cells.pop("time")
+    stamps = {"stamp.secs": [f"{1714557600 + int(t)}" for t in exact["t"]]}
+    stamps["stamp.nsecs"] = [f"{round(t % 1.0 * 1e9)}" for t in exact["t"]]
+    (tmp_path / "drive.csv").write_text(table(stamps | cells))
+    assert_the_drive(tmp_path / "drive.csv")
+
+
+def test_a_clock_of_whole_seconds_is_too_coarse(tmp_path):
+    cells = columns(NAMES["english"], ("deg/s", "km/h", "g", "deg"))
+    cells["time"] = [str(int(t)) for t in drive()["t"]]
+    (tmp_path / "drive.csv").write_text(table(cells))
+    content = mapping_from_dict(look(tmp_path / "drive.csv").mapping)
+    with pytest.raises(
+        InvalidRecordingError, match=r"the clock 'time' ticks each 1 s, and a log needs readings each 0\.2 s"
+    ):
+        import_recordings([tmp_path / "drive.csv"], content)
 
 
 def test_signals_are_guessed_without_a_clock(tmp_path, capsys):
@@ -242,10 +281,11 @@ def test_a_packed_clock_taken_for_seconds_is_doubted(tmp_path):
     assert content["clocks"]["recorder"] == {"column": "time", "unit": "hhmmss"}
 
 
-def test_seconds_of_the_day_go_on_at_midnight(tmp_path):
+@pytest.mark.parametrize(("name", "turn"), [("seconds of day", 86400.0), ("iTOW", 604800.0)])
+def test_seconds_of_the_day_or_week_go_on_as_it_ends(tmp_path, name, turn):
     exact = drive()
     cells = columns(NAMES["english"], ("deg/s", "km/h", "g", "deg"))
-    cells["time"] = texts((86392.0 + exact["t"]) % 86400.0)
+    cells = {name: texts((turn - 8.0 + exact["t"]) % turn)} | {k: q for k, q in cells.items() if k != "time"}
     (tmp_path / "drive.csv").write_text(table(cells))
     assert_the_drive(tmp_path / "drive.csv")
 

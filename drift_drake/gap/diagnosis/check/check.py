@@ -24,7 +24,7 @@ LEAST_COVERED = 0.5  # [s] in an operating region that counts as driven
 @dataclasses.dataclass(frozen=True)
 class Checked:
     """What was found; detection: by effect, as in an answer (`details.detection`); regions: seconds driven in each;
-    unchecked: columns of which no other one tells whether they are right."""
+    unchecked: columns of which no other one tells whether they are right; undecided: what else they cannot tell."""
 
     case: str
     runs: list[RunQuality]
@@ -32,6 +32,7 @@ class Checked:
     regions: dict[str, float] = dataclasses.field(default_factory=dict)
     detection: dict[str, dict[str, Any]] = dataclasses.field(default_factory=dict)
     unchecked: tuple[str, ...] = ()
+    undecided: tuple[str, ...] = ()
     for_calibration: "ForCalibration | None" = None
 
 
@@ -69,7 +70,7 @@ def check(
     car = None if vehicle is None else vehicle_given(vehicle).parameters.single_track()
     agrees = consistency_of([one.run for one in clean], car)
     remarks = [*(doubt.sentence for doubt in agrees.doubts), *repeated, *bad]
-    checked = Checked(given.case, quality(once, clean), remarks, unchecked=agrees.unchecked)
+    checked = Checked(given.case, quality(once, clean), remarks, unchecked=agrees.unchecked, undecided=agrees.undecided)
     return checked if vehicle is None else _with_vehicle(checked, given, vehicle, calibration, for_calibration, workers)
 
 

@@ -31,10 +31,12 @@ LIKENESS = 0.8  # correlation from which one signal is another's negative
 
 
 class Doubts(NamedTuple):
-    """Sentences on what looks wrong, none where all agrees; unchecked: columns that no other one tells anything of."""
+    """Sentences on what looks wrong, none where all agrees; unchecked: columns that no other one tells anything of;
+    undecided: what else they cannot tell."""
 
     sentences: list[str]
     unchecked: tuple[str, ...]
+    undecided: tuple[str, ...] = ()
 
 
 def column_doubts(columns: Mapping[str, Array], period: float, wheelbase: float | None = None) -> list[str]:
@@ -67,7 +69,7 @@ def recording_doubts(
     sentences += jumps[:1]
     sentences += _any_wheelbase(found.steer) if wheelbase is None else []
     sentences += _directions(right, max(round(WINDOW / period), 1)) + _accelerometer(right, found.windows, doubted)
-    return Doubts(sentences, found.unchecked)
+    return Doubts(sentences, found.unchecked, found.undecided)
 
 
 def doubts_of(

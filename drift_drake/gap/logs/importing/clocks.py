@@ -22,6 +22,7 @@ DATES = (25569.0, 73050.0), (719529.0, 767011.0)  # 1970 to 2100 as days of spre
 ADVANCES = 0.9  # share of a clock's steps that do not go back
 STANDS = 0.5  # share of steps from which a clock repeats its readings
 FEWEST = 0.9  # share of a column's texts that are numbers, from which it is one of numbers
+APART = 1.05  # ratio of two clocks' steps in the same rows, from which these are no rows of both
 TOGETHER = 0.9  # share of two columns' readings that stand in the same rows, where one clock serves both
 
 
@@ -77,11 +78,11 @@ def by_clock(topic: Topic) -> list[Topic]:
     """A table in which each signal has times of its own (`r_time, r, v_time, v`), as topics; else itself."""
     main = clock_of(topic)
     several = main is not None and " (column " in main
-    if (main is not None and not several) or len(topic.table.columns) < 4:
+    if topic.clock or len(topic.table.columns) < 4:
         return [topic]
     named = [c for c in map(str, topic.table.columns) if concepts(bracketed(own_name(topic, c))[0])[0] & {"time", "t"}]
     timed = [column for column in named if _advances(topic, column) is not None]
-    if len(timed) < 2:
+    if len(timed) < 2 or (main is not None and not several and not _side_by_side(topic, timed)):
         return [topic]
     parts: dict[str, list[str]] = {column: [column] for column in timed}
     clock = timed[0]
@@ -94,6 +95,21 @@ def by_clock(topic: Topic) -> list[Topic]:
         for clock, columns in parts.items()
         if columns[1:]
     ]
+
+
+def _side_by_side(topic: Topic, clocks: Sequence[str]) -> bool:
+    """Whether columns of times, each with signals to its right, run apart: they are no two clocks of the same rows."""
+    columns = list(map(str, topic.table.columns))
+    places = [columns.index(clock) for clock in clocks]
+    if places[0] != 0 or places[-1] == len(columns) - 1 or min(np.diff(places)) < 2:
+        return False
+    times = [seconds(topic, clock) for clock in clocks]
+    known = np.isfinite(times).all(axis=0)
+    steps = [np.diff(t[known]) for t in times]
+    if len(steps[0]) < 1 or any(np.any(step <= 0.0) for step in steps):
+        return False
+    rates = [float(np.median(step)) for step in steps]
+    return max(rates) > APART * min(rates)
 
 
 def time_unit(topic: Topic, column: str) -> str:

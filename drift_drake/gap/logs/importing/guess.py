@@ -51,6 +51,7 @@ COMMANDED = ("delta_cmd", "tau_cmd")
 FEW = 100  # readings that are looked at first
 METRES = 1.11e5  # of a degree
 FASTEST = 150.0  # [m/s] of a vehicle whose latitude and longitude these may be
+SAME_WAY = 0.1  # [rad] between the heading and the course of a car that does not slide
 RADIUS = 0.3  # [m] of a wheel, where nothing tells it
 
 
@@ -80,8 +81,8 @@ def guessed_mapping(topics: Sequence[Topic]) -> Guess:
     ordered = sorted(topics, key=lambda topic: -rates.get(topic.name, 0.0))
     choices = {name: fits for name in LOOKED_FOR if (fits := _candidates(name, ordered, clocks))}
     signals = _Traces(times)
-    found = _one_position(_chosen(choices, signals), signals)
-    notes = _choices_said(found, choices)
+    found, notes = _one_position(_chosen(choices, signals), signals)
+    notes += _choices_said(found, choices)
     units, said = _units(found, signals, ordered)
     entries, of_column = _clock_entries(found, clocks, rates)
     if len(set(of_column.values())) > len({topic.name for topic, *_ in found.values()}):
@@ -180,17 +181,41 @@ def _chosen(choices: Mapping[str, list[ColumnChoice]], signals: _Traces) -> dict
     return found
 
 
-def _one_position(found: dict[str, ColumnChoice], signals: _Traces) -> dict[str, ColumnChoice]:
-    """What was chosen without half a position, or one that no vehicle has; with one, x and y are made of it."""
+def _one_position(found: dict[str, ColumnChoice], signals: _Traces) -> tuple[dict[str, ColumnChoice], list[str]]:
+    """What was chosen without half a position, or one that no vehicle has; with one, x and y are made of it, and a
+    heading that is the way's is the course. Sentences on it."""
+    notes = []
     halves = [found[name] for name in ("latitude", "longitude") if name in found]
     if len(halves) == 2 and halves[0].topic is halves[1].topic:
         (t, north, _), (_, east, _) = (dataclasses.astuple(signals(half)) for half in halves)
         seen = np.isfinite(t) & np.isfinite(north) & np.isfinite(east)
         steps, lasting = METRES * np.hypot(np.diff(north[seen]), np.diff(east[seen])), np.diff(t[seen])
         moved = (steps > 0.0) & (lasting > 0.0)
-        if not moved.any() or np.median(steps[moved] / lasting[moved]) < FASTEST:
-            return {key: c for key, c in found.items() if key not in ("x", "y")}
-    return {key: c for key, c in found.items() if key not in ("latitude", "longitude")}
+        speed = np.median(steps[moved] / lasting[moved]) if moved.any() else 0.0
+        if speed < FASTEST:
+            kept = {key: c for key, c in found.items() if key not in ("x", "y")}
+            if "psi" in kept and not {"r", "course"} & set(kept) and _is_course(signals(kept["psi"]), t, north, east):
+                kept["course"] = kept.pop("psi")
+                notes.append(f"{kept['course'].column} is the way's direction: it is taken for the course.")
+            return kept, notes
+        notes.append(
+            f"{halves[0].column} and {halves[1].column} are no degrees, or the car moves at {speed:.2g} m/s: convert "
+            "degrees and minutes in one number (ddmm.mmm), or parts of a degree, and import them as degrees."
+        )
+    return {key: c for key, c in found.items() if key not in ("latitude", "longitude")}, notes
+
+
+def _is_course(heading: Trace, t: np.ndarray, north: np.ndarray, east: np.ndarray) -> bool:
+    """Whether a heading from north to the east is the direction in which a latitude and longitude [deg] move."""
+    away = derivative(Trace(t, north, None)), derivative(Trace(t, east, None))
+    if len(away[0].t) != len(away[1].t) or not len(away[0].t):
+        return False
+    narrow = np.cos(np.radians(np.nanmedian(north)))
+    seen = np.isfinite(heading.values) & np.isfinite(heading.t)
+    degrees = heading.unit == "deg" or (heading.unit is None and np.ptp(heading.values[seen]) > 7.0)
+    angle = np.unwrap(np.radians(heading.values[seen]) if degrees else heading.values[seen])
+    off = np.interp(away[0].t, heading.t[seen], angle) - np.arctan2(narrow * away[1].values, away[0].values)
+    return bool(np.median(np.abs(np.angle(np.exp(1j * off)))) < SAME_WAY)
 
 
 def _choices_said(found: Mapping[str, ColumnChoice], choices: Mapping[str, list[ColumnChoice]]) -> list[str]:

@@ -20,6 +20,7 @@ from drift_drake.gap.logs.importing.position import course_doubts
 from drift_drake.gap.logs.importing.recording import Recording, read_recording
 from drift_drake.gap.logs.importing.smoothing import SHORTEST, smooth
 from drift_drake.gap.logs.importing.stretches import (
+    LARGEST_GAP,
     MEASURED,
     VELOCITY,
     Stretch,
@@ -60,7 +61,7 @@ class ImportReport:
     """What was estimated on the way: offsets of clocks by recording, and each run's report.
 
     remarks: all sentences on what looks wrong, each with the name of its run or recording; unchecked: columns of which
-    no other one tells whether they are right.
+    no other one tells whether they are right; undecided: what else the columns cannot tell, as clauses.
     """
 
     recorder: str
@@ -68,6 +69,7 @@ class ImportReport:
     runs: list[RunReport]
     remarks: list[str]
     unchecked: tuple[str, ...] = ()
+    undecided: tuple[str, ...] = ()
 
 
 def import_recordings(
@@ -109,7 +111,7 @@ def import_recordings(
     ]
     remarks += [f"{report.name}: {sentence}" for report in reports for sentence in report.remarks]
     remarks += [f"{', '.join(clocks)}: {sentence}" for sentence in same]
-    return once, ImportReport(mapping.recorder, clocks, reports, remarks, doubts.unchecked)
+    return once, ImportReport(mapping.recorder, clocks, reports, remarks, doubts.unchecked, doubts.undecided)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -148,6 +150,12 @@ def _pieces(
     if not kept:
         if doubted:
             raise InvalidRecordingError(f"{path}: {doubted[0]}")
+        step = float(np.median(np.diff(first.t)))
+        if step > LARGEST_GAP:
+            raise InvalidRecordingError(
+                f"{path}: the clock '{clock.column}' ticks each {step:.3g} s, and a log needs readings each "
+                f"{LARGEST_GAP:g} s or more often; name a finer column of times, or record faster"
+            )
         asked = "" if mapping.moving is None else f" above {mapping.moving.speed:g} m/s"
         raise InvalidRecordingError(
             f"{path}: holds no {SHORTEST_RUN} rows of motion{asked} without a gap; leave it out, or change "

@@ -59,9 +59,10 @@ UNKNOWN, NUMBERED = 1.0, 0.25  # what a word that is not known, and a number, co
 HANDWHEEL = 1.5  # what the steering wheel counts against the road wheel
 LIMIT = 4.0  # from which a column is named, and not taken
 DRIVEN = 2.5  # what the wheels' speed counts against the car's, where it has to stand for it
-IN_WORDS = ("kmh", "kph", "kmph", "kmhr", "mph", "mps", "mps2", "fps", "knots", "kts", "radps", "degps", "degs", "dps",
-            "rpm", "percent")  # fmt: skip
+IN_WORDS = ("mdps", "kmh", "kph", "kmph", "kmhr", "mph", "mps", "mps2", "fps", "knots", "kts", "radps", "degps", "degs",
+            "dps", "rpm", "percent")  # fmt: skip
 DOUBTFUL = ("min", "in", "mi", "rev", "turn", "day", "us", "u", "tr", "deg c", "revs", "tour", "no", "st")
+OF_TOPICS = r"status|report|info"  # that say nothing of what a topic holds
 EARTH = "ned"  # last letters of velocities to the north, east and down
 AXES = {"0": "x", "1": "y", "2": "z"}
 VECTORS = {"speed", "acc", "gyro", "angular", "pos", "linear"}
@@ -87,11 +88,11 @@ def concepts(name: str) -> tuple[set[str], int, int]:
             said |= set(WORDS[word])
         elif word.isdigit():
             numbers += 1
-        elif len(word) == 1 and number == len(words) - 1 and word in EARTH:
+        elif len(word) == 1 and number == len(words) - 1 and word in EARTH and not words[number - 1].isdigit():
             said.add("earth")
         elif len(word) > 1 or number > 0:  # nYawRate
             unknown += 1
-    if last and said & VECTORS and last[1] in AXES:
+    if last and (said & VECTORS or "xyz" in words) and last[1] in AXES:
         said.add(AXES[last[1]])
     elif last:
         said.add("element")
@@ -172,7 +173,7 @@ def fit(quantity: str, name: str, unit: str = "", topic: str = "") -> tuple[floa
     if "heading" in said and RECEIVERS & set(pieces(bare)):
         said = said - {"heading"} | {"course"}  # that they see: where the car moves, not where it points
     said |= set(SAYS.get(known.dimension, "").split()) if known is not None else set()
-    around, strange, _ = concepts(topic)
+    around, strange, _ = concepts(re.sub(OF_TOPICS, "", topic, flags=re.IGNORECASE))
     rank = _rank(quantity, said, unknown)
     if rank is None and topic:
         rank = _rank(quantity, said | (around - {"target", "other", "engine"}), unknown + min(strange, 1))

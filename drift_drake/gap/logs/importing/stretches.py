@@ -15,6 +15,7 @@ from drift_drake.gap.logs.importing.position import path_motion
 from drift_drake.gap.logs.importing.recording import Readings
 from drift_drake.gap.logs.importing.smoothing import SHORTEST, smooth
 from drift_drake.gap.logs.noise import without_jumps
+from drift_drake.gap.logs.screening.stuck import stuck
 from drift_drake.gap.logs.wording.conversion import PlanarMotion, at_centre_of_gravity, to_body
 
 LARGEST_GAP = 0.2  # [s] without readings that is bridged; a longer one ends the stretch
@@ -81,6 +82,9 @@ def stretch_of(readings: Readings, part: slice, mapping: RecorderMapping) -> Str
         )
         wanted = {"x", "y", "psi"} | {name for name in mapping.derive if name in DERIVABLE and name not in signals}
         columns |= {name: captured.columns[name] for name in sorted(wanted)}
+        read = _filled(t, signals["psi"])
+        for start, stop in stuck(read, captured.columns["v"], float(np.median(np.diff(t)))):
+            columns["psi"][start:stop] = read[start]  # smoothed, it would not look stuck
         noise |= captured.noise
         std |= {name: captured.std[name] for name in sorted(wanted & set(captured.std))}
         bandwidth = captured.bandwidth

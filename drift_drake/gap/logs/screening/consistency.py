@@ -21,8 +21,9 @@ from drift_drake.gap.logs.screening.misnamed import (
     swapped_accelerations,
     swapped_headings,
     swapped_speeds,
+    undecided_speeds,
 )
-from drift_drake.gap.logs.screening.redundancy import agreements, arm_doubts, bias_doubts, scale_doubts
+from drift_drake.gap.logs.screening.redundancy import agreements, arm_doubts, bias_doubts, scale_doubts, undecided_arm
 from drift_drake.gap.logs.screening.relations import KINDS, Kind, Relation, Windows, relations, windows_of_columns
 from drift_drake.gap.logs.screening.steering import held_doubts, ratio_doubts, reach_doubts
 from drift_drake.gap.logs.screening.suspicions import Suspicion, contradictions
@@ -35,7 +36,8 @@ SWAPPED = {"ax": ("ax", "ay"), "r": ("r", "psi")}  # by the column that a doubt 
 
 @dataclasses.dataclass(frozen=True)
 class Consistency:
-    """Doubts, the one that explains most first; unchecked: columns that no other column can check.
+    """Doubts, the one that explains most first; unchecked: columns that no other column can check; undecided: what else
+    the columns cannot tell, as clauses (whether ..., where ...).
 
     right: the columns [rows] by run once the doubts' factors are taken out; windows: of these; steer: `delta_cmd` over
     what the wheelbase, or one of 1 m, asks for, 1 where it is not known.
@@ -47,6 +49,7 @@ class Consistency:
     windows: Windows
     steer: float = 1.0
     complete: bool = True  # whether there is a speed, without which nothing else was asked
+    undecided: tuple[str, ...] = ()
 
 
 def consistency_of(runs: Sequence[Run], vehicle: VehicleParameters | None = None) -> Consistency:
@@ -97,7 +100,11 @@ def consistency(
     without = [column for column in {*bad, *(doubt.column for doubt in wrong)} if column is not None]
     doubts += _fine(right, periods, m, vehicle, length, without)
     steer = next((at.size for at in held if at.name == "steer"), 1.0)
-    return Consistency(doubts, _unchecked(m, held, derived, without, right), right, windows, steer)
+    undecided = () if not len(m.r) or {"v", "r"} & set(without) else undecided_arm(m, length)
+    if len(m.r) and not {"v", "omega_r"} & set(without):
+        undecided = [*undecided_speeds(m), *undecided]
+    unchecked = _unchecked(m, held, derived, without, right)
+    return Consistency(doubts, unchecked, right, windows, steer, undecided=tuple(undecided))
 
 
 def _misnamed(runs: Sequence[dict[str, np.ndarray]], periods: Sequence[float]) -> list[Suspicion]:

@@ -1,6 +1,6 @@
 """Columns that are not what they are called: a magnitude without its sign, another's readings, no speed at all."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -107,31 +107,53 @@ def swapped_headings(m: Kinematics) -> list[Suspicion]:
 
 def swapped_speeds(m: Kinematics) -> list[Suspicion]:
     """A speed and a rim's speed that are each other: where a wheel slips, the positions or accelerations say which."""
+    off, where, unit = _apart(m)
+    if not _nearer(off, "omega_r", "v"):
+        return []
+    said = f"{where[1]} lies {off['omega_r']:.2g} {unit} from {where[0]}, {where[2]} {off['v']:.2g} {unit}"
+    return [Suspicion(f"columns v and omega_r look swapped: {said}; exchange the two in the mapping", "v", None, said)]
+
+
+def undecided_speeds(m: Kinematics) -> list[str]:
+    """What cannot be known of a speed and a rim's speed that are too much alike."""
+    known = np.isfinite(m.omega_r) & (m.v > 0.0)
+    off, _, _ = _apart(m)
+    if np.count_nonzero(known) < FEWEST or _nearer(off, "v", "omega_r") or _nearer(off, "omega_r", "v"):
+        return []
+    slipped = float(np.quantile(np.abs(m.omega_r[known] / m.v[known] - 1.0), 0.95))
+    return [f"whether v and omega_r are exchanged (they differ by {100.0 * slipped:.2g} % at most)"]
+
+
+def _nearer(off: Mapping[str, float], one: str, other: str) -> bool:
+    """Whether one of the two speeds is certainly the car's."""
+    return bool(off) and off["slipped"] > APART and off[other] > NEARER * off[one]
+
+
+def _apart(m: Kinematics) -> tuple[dict[str, float], tuple[str, str, str], str]:
+    """How far `v` and `omega_r` are off what the positions, else `ax`, say, and from each other (`slipped`, a share).
+
+    Empty where neither says anything; words for what is compared, and the unit.
+    """
     known = np.isfinite(m.omega_r) & np.isfinite(m.moved) & (m.moved > 0.0)
     if np.count_nonzero(known) >= FEWEST:
         # A scale that is off moves all windows alike.
         off = {name: float(np.std(np.log(np.maximum(values[known], SMALLEST) / m.moved[known])))
                for name, values in (("v", m.v), ("omega_r", m.omega_r))}  # fmt: skip
-        if off["v"] > APART and off["v"] > NEARER * off["omega_r"]:
-            said = f"omega_r lies {100.0 * off['omega_r']:.2g} % from the speed along x, y, v {100.0 * off['v']:.2g} %"
-            return [Suspicion(f"columns v and omega_r look swapped: {said}; exchange the two in the mapping", "v", None,
-                              said)]  # fmt: skip
-        return []
-    return _swapped_by_acceleration(m)
-
-
-def _swapped_by_acceleration(m: Kinematics) -> list[Suspicion]:
+        slipped = max(off.values())
+        return (
+            {k: 100.0 * q for k, q in off.items()} | {"slipped": slipped},
+            ("the speed along x, y", "omega_r", "v"),
+            "%",
+        )
+    words = ("ax", "the rate of omega_r", "that of v")
     known = np.isfinite(m.omega_r) & np.isfinite(m.ax) & np.isfinite(m.rim_gain)
     if np.count_nonzero(known) < FEWEST:
-        return []
+        return {}, words, "m/s^2"
     slipped = float(np.std(np.log(np.maximum(m.omega_r[known], SMALLEST) / m.v[known])))
     straight = np.abs(m.turned[known] * np.sin(np.nan_to_num(m.beta[known]))) < 1.0
     off = {name: _left(m.ax[known][straight], rate[known][straight])
            for name, rate in (("v", m.gain), ("omega_r", m.rim_gain))}  # fmt: skip
-    if slipped < APART or off["v"] < NEARER * off["omega_r"]:
-        return []
-    said = f"the rate of omega_r lies {off['omega_r']:.2g} m/s^2 from ax, that of v {off['v']:.2g} m/s^2"
-    return [Suspicion(f"columns v and omega_r look swapped: {said}; exchange the two in the mapping", "v", None, said)]
+    return off | {"slipped": slipped}, words, "m/s^2"
 
 
 def _left(values: np.ndarray, of: np.ndarray) -> float:

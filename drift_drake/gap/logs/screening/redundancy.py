@@ -19,6 +19,7 @@ LIKE, ALONG = 0.6, 0.97  # correlation of what is compared, and of a car whose s
 BIAS = 0.005  # [rad/s] of a yaw rate: 3 deg of heading in ten seconds
 ARM = 0.04  # of the wheelbase: a point of measurement is known that well
 LENGTH = 2.5  # [m] of a wheelbase that is not known
+UNSURE, FAR = 0.25, 3.0  # of the wheelbase, beyond which a point of measurement is not known; [m] off any car
 WORKING = 6.0  # [m/s^2] of v r, and of v' a third, below which a wheel's slip goes with the forces
 SLIPPED = 0.05  # of rim speed over speed, beyond which a wheel spins or locks
 MOST = 4  # mistakes of one log
@@ -227,6 +228,22 @@ def arm_doubts(m: Kinematics, wheelbase: float | None) -> list[Suspicion]:
         f"[{point[0]:g}, {point[1]:g}] to what the mapping has (or give omega_r as the mean of both rear wheels)"
     )
     return [Suspicion(sentence, "v", None, "; ".join(says for _, _, says in where))]
+
+
+def undecided_arm(m: Kinematics, wheelbase: float | None) -> list[str]:
+    """What cannot be known of the point where the speed is measured."""
+    left, ahead = _arm_by_accelerations(m)
+    known = [_closest(ahead), _closest((_arm_by_wheels(m), *left))]
+    if max(known) < UNSURE * (wheelbase or LENGTH):
+        return []
+    sizes = [f"{way} it to {size:.2g} m" for way, size in zip(("along", "across"), known, strict=True) if size < FAR]
+    but = f" (but {', '.join(sizes)})" if sizes else ""
+    return [f"where on the car v is measured{but}"]
+
+
+def _closest(found: Sequence[Bounds | None]) -> float:
+    """Half the narrowest interval [m], endless where nothing tells it."""
+    return min((0.5 * _width(at) for at in found if at is not None), default=math.inf)
 
 
 def _width(at: Bounds) -> float:

@@ -22,7 +22,7 @@ def without_stuck(runs: Sequence[Columns], period: float, fewest: int) -> tuple[
     parts: list[Columns] = []
     found: dict[str, list[tuple[float, float]]] = {}
     for columns in runs:
-        held = {name: _stuck(columns[name], columns["v"], period) for name in MEASURED if name in columns}
+        held = {name: stuck(columns[name], columns["v"], period) for name in MEASURED if name in columns}
         for name, stretches in held.items():
             times = [(float(columns["t"][start]), float(columns["t"][stop - 1])) for start, stop in stretches]
             found.setdefault(name, []).extend(times)
@@ -35,7 +35,7 @@ def without_stuck(runs: Sequence[Columns], period: float, fewest: int) -> tuple[
     return parts, [_sentence(name, stretches) for name, stretches in found.items() if stretches]
 
 
-def _stuck(values: np.ndarray, v: np.ndarray, period: float) -> list[tuple[int, int]]:
+def stuck(values: np.ndarray, v: np.ndarray, period: float) -> list[tuple[int, int]]:
     """Frozen stretches [rows] that last longer than any sensor holds a reading."""
     least = round(LONGEST_HOLD / period)
     edges = np.concatenate([[0], np.flatnonzero(np.diff(values)) + 1, [len(values)]])

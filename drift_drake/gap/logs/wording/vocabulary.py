@@ -49,7 +49,8 @@ CONCEPTS = {
     "r": "r",
     "time": (
         "time times zeit temps tiempo tempo timestamp timestamps stamp stempel zeitstempel horodatage tow itow uhrzeit "
-        "uhr utc gmt epoch unixtime tijd"
+        "uhr utc gmt epoch unixtime tijd seconds secs millis "
+        "milliseconds micros microseconds sekunden secondes segundos secondi"
     ),
     "t": "t ts",
     "date": "date datum datetime",
@@ -61,7 +62,8 @@ CONCEPTS = {
         "state states drive unix data msg msgs message header twist stamped value val signal sig channel ch vicon "
         "mocap optitrack vbox racebox racelogic aim motec cog cg com mpu vesc fix pvt local global map world base "
         "link frame elapsed log since start uptime boot system sys ros recording recorder session of and the in at by "
-        "for de du la le au der die das von vom rec true mean smoothed smooth lowpass lp current topic can1 can2 bus "
+        "for de du la le au del della dell di al der die das von vom rec xyz "
+        "true mean smoothed smooth lowpass lp current topic can1 can2 bus "
         "hydra daq logger adma oxts rt3000 kistler correvit inertial unit group"
     ),
     "target": (

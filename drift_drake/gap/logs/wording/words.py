@@ -13,7 +13,7 @@ LONGEST = 200  # characters of a name that is read
 @functools.lru_cache(maxsize=8192)
 def pieces(name: str) -> tuple[str, ...]:
     """The words of a name in lower case, without accents, cut at signs, capitals and digits, and compounds apart."""
-    plain = unicodedata.normalize("NFKD", name.replace("ß", "ss"))
+    plain = unicodedata.normalize("NFKD", name.replace("ß", "ss").replace("œ", "oe").replace("Œ", "Oe"))
     plain = "".join(letter for letter in plain if not unicodedata.combining(letter))
     found: list[str] = []
     for word in re.findall(r"[A-Z]+(?=[A-Z][a-z])|[A-Z]?[a-z]+|[A-Z]+|\d+", plain):

@@ -149,6 +149,23 @@ def test_a_column_that_is_not_what_it_is_called(name, drifting):
     assert name.split()[0] in sentence
 
 
+def test_two_speeds_that_are_too_much_alike_to_be_told_apart_are_named(log):
+    """Whether they are exchanged or not."""
+    assert consistency_of([kinematic_log(60.0, drifting=0.6)], CAR).undecided == ()
+    rolling = dataclasses.replace(log, omega_r=log.v * (1.0 + 0.01 * np.sin(log.t)))
+    for run in (rolling, dataclasses.replace(rolling, v=rolling.omega_r, omega_r=rolling.v)):
+        found = consistency_of([run], CAR)
+        assert found.doubts == []
+        assert any(
+            clause.startswith("whether v and omega_r are exchanged (they differ by 0.9") for clause in found.undecided
+        )
+
+
+def test_a_point_of_measurement_that_nothing_tells_is_named(log):
+    alone = log.without("omega_r", "beta", "ax", "ay")
+    assert consistency_of([alone], CAR).undecided == ("where on the car v is measured",)
+
+
 def test_what_nothing_tells_is_named(log):
     alone = log.without("x", "y", "psi", "beta", "ax", "ay", "omega_r")
     found = consistency_of([alone], None)

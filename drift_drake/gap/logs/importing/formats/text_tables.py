@@ -17,6 +17,9 @@ from drift_drake.gap.logs.importing.formats.times import with_times
 from drift_drake.gap.logs.importing.formats.topics import Topic
 
 PACKERS: dict[str, Callable[[Path], Any]] = {".gz": gzip.open, ".bz2": bz2.open, ".xz": lzma.open}
+BLANK = ["-", "--", "---", "n.a.", "n.v.", "k.A.", "SNA", "INVALID", "Invalid", "invalid", "*", "?", "nil", "No Data",
+         "NoData", "#VALUE!", "#DIV/0!", "#REF!", "#NUM!", "[]"]  # fmt: skip
+"""What stands where no reading is, besides what pandas knows."""
 FEW = 0.5  # share of a column's texts that are numbers with a comma, from which all are read so
 
 
@@ -31,10 +34,10 @@ def read_csv(path: Path) -> list[Topic]:
         except UnicodeDecodeError:  # of an umlaut below the first lines
             return [_read(path, Layout(**{**vars(layout), "encoding": OTHERWISE}))]
     try:
-        table = pd.read_csv(path, low_memory=False)
+        table = pd.read_csv(path, low_memory=False, na_values=BLANK)
         header = pd.read_csv(path, header=None, nrows=1, dtype=str, keep_default_na=False).iloc[0]
     except UnicodeDecodeError:
-        table = pd.read_csv(path, low_memory=False, encoding=OTHERWISE)
+        table = pd.read_csv(path, low_memory=False, na_values=BLANK, encoding=OTHERWISE)
         header = pd.read_csv(path, header=None, nrows=1, dtype=str, keep_default_na=False, encoding=OTHERWISE).iloc[0]
     return [topic_of_table(table, [str(name).strip() for name in header])]
 
@@ -64,6 +67,7 @@ def _read(path: Path, layout: Layout) -> Topic:
     options: dict[str, Any] = {
         "sep": layout.separator, "encoding": layout.encoding, "header": None, "names": range(width), "index_col": False,
         "skiprows": layout.start, "comment": layout.comment, "skipinitialspace": True, "low_memory": False,
+        "na_values": BLANK,
     }  # fmt: skip
     if layout.separator == BLANKS:
         options.pop("skipinitialspace")

@@ -15,7 +15,8 @@ from drift_drake.common.units import PACKED
 from drift_drake.gap.logs.wording.conversion import factor
 
 DAY, HOUR = 86400.0, 3600.0  # [s]
-LATE_DAY = 0.9 * DAY  # [s] by which a clock of the time of day goes back at midnight
+WEEK = 7.0 * DAY  # [s]
+LATE = 0.9  # of a day, of a week, by which a clock of its time goes back as it ends
 TEXT = re.compile(
     r"""^\s*(?P<date>.*?)[\sT,;_]*?(?P<first>\d{1,3}):(?P<second>\d{1,2})(?::(?P<third>\d{1,2}))?
     (?:[.,:](?P<part>\d+))?\s*(?P<half>[AaPp]\.?[Mm]\.?)?\s*(?P<zone>Z|UTC|GMT|[+-]\d{2}:?\d{2})?\s*$""",
@@ -26,17 +27,35 @@ DAYS = re.compile(r"(?P<days>\d{1,4})\s*(?:d|day|days|\.)?[,.\s]*", re.IGNORECAS
 ALIKE = 0.9  # share of a column's texts that are times
 TRIED = 50  # texts
 LONGEST = 80  # characters of a time
+WHOLE, PART = r"(.*?[._/ ]?)secs?", r"n(ano)?secs?"  # of names of whole seconds, and of their nanoseconds
 THINNED = 101  # rows, of which one shows soon that a clock counts on beyond the sixtieth second
 
 
 def with_times(table: pd.DataFrame) -> tuple[pd.DataFrame, list[str]]:
-    """The table with each column of times in seconds, and these columns' names."""
-    found = {}
+    """The table with each column of times in seconds, and these columns' names; seconds and their parts in two columns
+    are one."""
+    table, found = _joined(table)
     for number, name in enumerate(table.columns):
         values = table.iloc[:, number]
         if not is_numeric_dtype(values) and (seconds := seconds_of(values)) is not None:
             found[name] = seconds
     return (table.assign(**found) if found else table), list(found)
+
+
+def _joined(table: pd.DataFrame) -> tuple[pd.DataFrame, dict[Any, Array]]:
+    """The table without columns of whole seconds and of their nanoseconds (`stamp.sec`, `stamp.nanosec`), and their
+    sums under the seconds' names."""
+    found: dict[Any, Array] = {}
+    for name in list(table.columns):
+        stem = re.fullmatch(WHOLE, str(name), re.IGNORECASE)
+        part = next((c for c in table.columns if stem and re.fullmatch(re.escape(stem[1]) + PART, str(c), re.I)), None)
+        if part is None or not all(is_numeric_dtype(table[one]) for one in (name, part)):
+            continue
+        rest = table[part].to_numpy(dtype=float)
+        if np.nanmax(rest, initial=0.0) < 1e9 and np.nanmin(rest, initial=0.0) >= 0.0:
+            found[name] = table[name].to_numpy(dtype=float) + 1e-9 * rest
+            table = table.drop(columns=part)
+    return table, found
 
 
 def seconds_of(values: "pd.Series[Any]") -> Array | None:
@@ -86,8 +105,11 @@ def clock_seconds(numbers: Array, unit: str) -> Array:
         return packed_seconds(numbers, unit)
     t = np.asarray(numbers * factor(unit, ("time",)))
     seen = t[np.isfinite(t)]
-    turns = len(seen) > 1 and np.min(seen) >= 0.0 and np.max(seen) <= DAY and np.min(np.diff(seen)) < -LATE_DAY
-    return unwrapped(t) if turns else t
+    if len(seen) < 2 or np.min(seen) < 0.0:
+        return t
+    back = float(np.min(np.diff(seen)))
+    turn = next((turn for turn in (DAY, WEEK) if np.max(seen) <= turn and back < -LATE * turn), None)
+    return t if turn is None else unwrapped(t, turn)
 
 
 def packed_seconds(numbers: Array, unit: str) -> Array:

@@ -1,0 +1,106 @@
+"""Other packages' functions are tried in a process of their own before they are used here: they may loop for ever, or
+end Python. That all went well is remembered of their sources, so that it is asked once."""
+
+import hashlib
+import importlib.util
+import os
+import resource
+import signal
+import subprocess
+import sys
+from collections.abc import Mapping
+from contextlib import suppress
+from importlib.metadata import EntryPoint
+from pathlib import Path
+
+from drift_drake.car.effects.record import InvalidExtensionError
+from drift_drake.common.interruption import ctrl_c_waits
+
+SECONDS = 30  # of processor time that a trial may take, compilation included
+RESTS = 120.0  # [s] on the clock
+TRYING = "DRIFT_DRAKE_TRYING"  # in the environment of a trial, which begins no further one
+ENDED, REFUSED = "all end", "refused: "
+PROGRAM = "import sys; sys.path[:] = {path!r}; from drift_drake.car.effects.trial import trial; trial({function!r})"
+
+
+def see_that_they_end(points: Mapping[str, EntryPoint], function: str) -> None:
+    """Runs `module:function` of this package, which tries these extensions, in a process with limits.
+
+    Args:
+        points: by what an extension is called in messages; function: it is given a function to call with each of these
+            words as it begins with that extension.
+
+    Raises:
+        InvalidExtensionError: one does not end, ends Python, or is refused.
+    """
+    if not points or TRYING in os.environ:
+        return
+    mark = extensions_folder() / f"tried-{_digest(points)}"
+    if mark.is_file():
+        return
+    program = PROGRAM.format(path=[entry or os.getcwd() for entry in sys.path], function=function)
+    with ctrl_c_waits():
+        process = subprocess.Popen(
+            [sys.executable, "-c", program], env=os.environ | {TRYING: "1"}, stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True, errors="replace",
+        )  # fmt: skip
+    try:
+        said = process.communicate(timeout=RESTS)[0]
+        hung = process.returncode == -signal.SIGXCPU
+    except subprocess.TimeoutExpired:
+        hung = True
+        process.kill()
+        said = process.communicate()[0]
+    except BaseException:
+        process.kill()
+        raise
+    lines = said.splitlines()
+    if refusal := next((line.removeprefix(REFUSED) for line in lines if line.startswith(REFUSED)), None):
+        raise InvalidExtensionError(refusal)
+    if ENDED not in lines:
+        where = next((line for line in reversed(lines) if line in points), next(iter(points)))
+        limit = f"takes more than {SECONDS} s"
+        how = limit if hung else f"ends Python (exit code {process.returncode})"
+        raise InvalidExtensionError(
+            f"{where}: {how} when it is imported or its functions are called; let them end in every state of the car, "
+            "or uninstall it"
+        )
+    with suppress(OSError):
+        mark.parent.mkdir(parents=True, exist_ok=True)
+        mark.touch()
+
+
+def trial(function: str) -> None:
+    """What the process does: tries all, and says of each that it begins with it."""
+    out = os.fdopen(os.dup(1), "w")
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    resource.setrlimit(resource.RLIMIT_CPU, (SECONDS, SECONDS))
+    module, _, name = function.partition(":")
+    try:
+        getattr(importlib.import_module(module), name)(lambda where: print(where, file=out, flush=True))
+        print(ENDED, file=out, flush=True)
+    except InvalidExtensionError as error:
+        print(f"{REFUSED}{error}", file=out, flush=True)
+    os._exit(0)  # whatever threads they began
+
+
+def extensions_folder() -> Path:
+    """Where what is compiled of other packages is kept."""
+    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "drift_drake"
+
+
+def _digest(points: Mapping[str, EntryPoint]) -> str:
+    """Of the names, and of all sources next to the modules and above them in their packages: nothing is imported."""
+    digest = hashlib.sha256(f"{sys.version} {os.environ.get('NUMBA_DISABLE_JIT')}".encode())
+    for where, point in points.items():
+        digest.update(where.encode())
+        top, *inner = point.module.split(".")
+        spec = importlib.util.find_spec(top)
+        folders = [Path(folder) for folder in (spec.submodule_search_locations or ()) if spec] if spec else []
+        files = [Path(spec.origin)] if spec and spec.origin else []
+        for depth in range(len(inner) + 1):
+            files += [file for folder in folders for file in sorted(folder.joinpath(*inner[:depth]).glob("*.py"))]
+        for file in dict.fromkeys(files):
+            with suppress(OSError):
+                digest.update(file.read_bytes())
+    return digest.hexdigest()[:16]

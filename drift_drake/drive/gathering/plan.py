@@ -33,7 +33,8 @@ from drift_drake.drive.mpc.sqp import LineSearchSqp, SqpOptions, SqpResult
 from drift_drake.drive.qp.qp import QpOptions
 
 MORE = 2  # times as many first guesses where none has led to a plan
-QP_TOLERANCE = 1e-6  # of the interior-point method: a thousandth of the plan's
+QP_TOLERANCE = 1e-6  # of a quadratic program: a thousandth of the plan's
+OSQP_ITERATIONS = 4000
 CONVERGED = "converged"  # of an SQP's statuses
 TRIAL = 10  # SQP iterations from each first guess, before the best one's solution is gone on with
 
@@ -94,7 +95,8 @@ def plan_drive(
 
 def sqp_options(config: GatheringConfig) -> SqpOptions:
     """To convergence, as plans are solved."""
-    return SqpOptions(config.max_iterations, config.tolerance, QpOptions(interior_tolerance=QP_TOLERANCE))
+    qp = QpOptions(config.qp, QP_TOLERANCE, OSQP_ITERATIONS, interior_tolerance=QP_TOLERANCE)
+    return SqpOptions(config.max_iterations, config.tolerance, qp)
 
 
 def _first_guesses(

@@ -158,8 +158,8 @@ def rung_config(config: ImprovementsConfig, rung: Rung, checkpoint: Path | None,
     control, gate = paper_control(ControlConfig(), DEFAULT_THRESHOLD, rung.keep)
     return ModelsConfig(
         checkpoint=checkpoint, control=control, gate=gate, gathering=rung.gathering, path_step=rung.path_step,
-        models=rung.models, vehicles=config.vehicles, first=config.first, population=config.population, noise_seeds=config.noise_seeds,
-        vehicle_seed=config.vehicle_seed, run_on=config.run_on, out=folder / rung.name,
+        models=rung.models, vehicles=config.vehicles, first=config.first, population=config.population,
+        noise_seeds=config.noise_seeds, vehicle_seed=config.vehicle_seed, run_on=config.run_on, out=folder / rung.name,
     )  # fmt: skip
 
 

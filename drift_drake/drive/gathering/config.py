@@ -153,6 +153,9 @@ class GatheringConfig(LaneDrive):
     fixed_alpha: bool = False  # the same weight of the information in later rounds
     # After informative drives, the lags of steering and torque are those of a bank that make the drives likeliest.
     learn_lags: bool = True
+    tightening: float = 0.0
+    """Standard deviations of the predicted e by which a plan's lane is narrowed, by what is believed of the car before
+    the drive (`mpc.tightening`)."""
     path_step: PathStep = "trapezoid"  # Euler's would turn as the nominal car does: twice as far from the true car's
     only_converged: bool = False
     """A plan whose SQP has not converged is none. Without, one that is feasible is driven: with the shipped bounds its
@@ -181,6 +184,8 @@ class GatheringConfig(LaneDrive):
             )
         if self.replan != 0.0 and not self.replan >= DT:
             raise InvalidOptionError(f"replan is {self.replan:g} s; give {DT:g} s or more, or 0 for never")
+        if not 0.0 <= self.tightening < np.inf or (self.tightening > 0.0 and self.replan > 0.0):
+            raise InvalidOptionError(f"tightening is {self.tightening:g}; give 0 or more, and above 0 no replan")
         if not 0.0 <= self.stop_below <= 1.0:
             raise InvalidOptionError(f"stop_below is {self.stop_below:g}; give 0 to 1")
 
@@ -205,16 +210,22 @@ class GatheringConfig(LaneDrive):
         return self.duration if self.lane == "track" else self.steps * DT
 
 
-def as_in_paper(config: GatheringConfig, alpha: float = PAPER_ALPHA, qp: QpMethod = "osqp") -> GatheringConfig:
+def as_in_paper(
+    config: GatheringConfig,
+    alpha: float = PAPER_ALPHA,
+    qp: QpMethod = "osqp",
+    objective: Literal["eq8", "updated"] = "eq8",
+) -> GatheringConfig:
     """Information gathering as in the paper: eq. (8) in every round with one weight, Euler's path, nothing bounded.
 
     Nothing else than convergence says then whether a plan is of a car's motion: one that has not converged is none.
 
     Args:
         alpha: weight of the information [1/nat], which the paper does not state; qp: the paper's solver.
+        objective: "updated" for the total information along the horizon, which the paper tried too.
     """
     return dataclasses.replace(
-        config, objective="eq8", objective_later="eq8", fixed_alpha=True, ends_straight=False, bounded=False,
+        config, objective=objective, objective_later=objective, fixed_alpha=True, ends_straight=False, bounded=False,
         path_step="euler", learn_lags=False, alpha=alpha, only_converged=True, qp=qp,
     )  # fmt: skip
 
@@ -228,6 +239,8 @@ class Recipe:
     as_in_paper: bool = False
     """The paper's model (27,012 parameters, z alone, T = 10, four separate beliefs, 35 vehicles) and its information
     gathering: eq. (8) with one weight, Euler's path, no added bounds; its controller, without what `keep` lists."""
+    paper_objective: Literal["eq8", "updated"] = "eq8"
+    """"updated": the total information along the horizon in place of eq. (8)'s sum."""
     keep: tuple[Extra, ...] = ()
     """Of what the paper has not, what the recipe keeps all the same."""
     paper_alpha: float = PAPER_ALPHA
@@ -250,7 +263,7 @@ class Recipe:
                 f"give --paper-alpha {self.gathering.alpha:g}"
             )
         qp = self.gathering.qp if "interior_point" in self.keep else "osqp"
-        gathering = as_in_paper(self.gathering, self.paper_alpha, qp)
+        gathering = as_in_paper(self.gathering, self.paper_alpha, qp, self.paper_objective)
         return dataclasses.replace(self, checkpoint=self.checkpoint or paper_checkpoint(), gathering=gathering)
 
 

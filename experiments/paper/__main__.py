@@ -5,7 +5,7 @@
     python -m experiments.paper --executor dask --scheduler tcp://HOST:8786
 
 Parts: drives (information gathering, Table I), figure_8 (Tables II and III), loops, steps (recipe to shipped model, one
-change at a time), worth (what the paper has not, one at a time). Each runs under the paper's recipe and as shipped, in
+change at a time), worth (what the paper has not, one at a time), figures (of one vehicle). Each runs under the paper's recipe and as shipped, in
 a folder of its own that is gone on with (give --out); more vehicles and seeds join those that are there. Written:
 claims.md, with the verdict of each claim by its data, the tables, and the figures.
 """
@@ -35,6 +35,9 @@ RULES = (
 def page(folder: Path, config: PaperConfig) -> str:
     """claims.md."""
     found = {kind: evidence(folder, kind) for kind in KINDS}
+    captions = folder / "figures" / "captions.md"
+    if "figures" in config.parts:
+        figures.draw_all(folder, config, found)
     parts = [
         "# Claims",
         RULES,
@@ -45,7 +48,7 @@ def page(folder: Path, config: PaperConfig) -> str:
         *_section("Weights, objective, narrowed lane", tables.bolder(folder)),
         *_section("Claim (ii), from the recipe to the shipped model", tables.steps(folder)),
         *_section("What the paper has not, one at a time", _report(folder / "worth")),
-        *_section("Figures", figures.draw_all(folder, config, found)),
+        *_section("Figures", captions.read_text() if captions.exists() else ""),
         made(config),
     ]
     return "\n\n".join(parts) + "\n"

@@ -145,8 +145,8 @@ def draw_runs(folder: Path, kind: Kind, runs: pd.DataFrame, source: str) -> list
     ]  # fmt: skip
 
 
-def draw_all(folder: Path, config: PaperConfig, found: dict[Kind, Evidence]) -> str:
-    """Draws into `figures`, and returns the section that shows them."""
+def draw_all(folder: Path, config: PaperConfig, found: dict[Kind, Evidence]) -> None:
+    """Draws into `figures`; captions.md there is the section of the page that shows them."""
     out = folder / "figures"
     out.mkdir(exist_ok=True)
     shown: list[tuple[str, str, str]] = []
@@ -163,4 +163,3 @@ def draw_all(folder: Path, config: PaperConfig, found: dict[Kind, Evidence]) -> 
     parts = [f"![{alt}](figures/{file})\n*{caption}*" for file, alt, caption in shown]
     text = "\n\n".join([seed, *parts]).replace("figures/../", "")
     write_text(out / "captions.md", text + "\n")
-    return text

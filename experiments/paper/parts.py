@@ -19,7 +19,7 @@ from experiments.model.build import do_stages
 from experiments.model.ladder import LadderConfig, stages
 from experiments.paper import drives, worth
 
-Part = Literal["drives", "figure_8", "loops", "steps", "worth"]
+Part = Literal["drives", "figure_8", "loops", "steps", "worth", "figures"]
 Kind = Literal["recipe", "shipped"]
 KINDS: tuple[Kind, ...] = get_args(Kind)
 FIGURE_8: tuple[Model, ...] = ("prior", "online", "once_ocp", "once_info", "twice_info")

@@ -110,8 +110,8 @@ def bolder(folder: Path) -> str:
     plans = json.loads((folder / "drives" / "plans.json").read_text())
     rows = []
     for variant, group in drives.groupby("variant", sort=False):
-        once, twice = (group[group["model"] == model].set_index("vehicle") for model in ("Once-Info", "Twice-Info"))
-        both = once.join(twice, rsuffix="_2", how="inner")
+        once, twice = (group[group["model"] == model] for model in ("Once-Info", "Twice-Info"))
+        both = once.merge(twice, on="vehicle", suffixes=("", "_2"))
         cells = [str(variant), f"{group['alpha'].iloc[0]:g}", f"{len(once)}", f"{len(both)}"]
         for name in ("planned_r", "planned_tau", "max_r", "max_beta", "max_e"):
             digits = 0 if name == "planned_tau" else 2

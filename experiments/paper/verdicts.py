@@ -83,6 +83,8 @@ def ratio(
 
 def ranked(runs: pd.DataFrame, column: str) -> pd.DataFrame:
     """The runs with those that were not completed behind all others in a column."""
+    if runs.empty:
+        return runs
     return runs.assign(**{column: runs[column].where(runs["completed"], np.inf)})
 
 

@@ -164,9 +164,9 @@ def test_drives_are_judged_and_gone_on_with(
 def test_the_page_is_written_of_what_there_is(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     ran: list[str] = []
     monkeypatch.setattr(parts, "tasks", lambda *_: {"a": lambda: ran.append("a"), "b": lambda: ran.append("b")})
-    monkeypatch.setattr(command.figures, "draw_all", lambda *_: "none")
+    monkeypatch.setattr(command.figures, "draw_all", lambda *_: ran.append("figures"))
     command.main(dataclasses.replace(PaperConfig(), out=tmp_path))
-    assert ran == ["a", "b"]
+    assert ran == ["a", "b", "figures"]
     text = (tmp_path / "claims.md").read_text()
     assert text.startswith("# Claims\n")
     assert "| Abstract (i) |" in text

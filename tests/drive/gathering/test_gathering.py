@@ -58,7 +58,7 @@ def test_the_problem_is_the_papers() -> None:
     np.testing.assert_allclose(np.diff(data.x_ref[:, 1]), 12.5 / 45)
 
 
-def test_a_lane_is_narrowed_by_what_is_not_known_of_the_car(model: BayesianModel, info: Trajectory) -> None:
+def test_a_lane_is_narrowed_by_what_is_not_known_of_the_car(model: BayesianModel) -> None:
     prior, slim = model.prior(), dataclasses.replace(CONFIG, half_width=0.7)  # 0.2 m to either side
     known = prior._replace(covariance=1e-6 * prior.covariance, q=1e6 * prior.q)
     free, narrow = (

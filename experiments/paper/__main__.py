@@ -5,9 +5,9 @@
     python -m experiments.paper --executor dask --scheduler tcp://HOST:8786
 
 Parts: drives (information gathering, Table I), figure_8 (Tables II and III), loops, steps (recipe to shipped model, one
-change at a time), worth (what the paper has not, one at a time), figures (of one vehicle). Each runs under the paper's recipe and as shipped, in
-a folder of its own that is gone on with (give --out); more vehicles and seeds join those that are there. Written:
-claims.md, with the verdict of each claim by its data, the tables, and the figures.
+change at a time), worth (what the paper has not, one at a time), figures (of one vehicle). All run under the paper's
+recipe and as shipped, each in a folder of its own that is gone on with (give --out): more vehicles and seeds join
+those that are there. Written: claims.md, with the verdict of each claim by its data, the tables, and the figures.
 """
 
 from pathlib import Path

@@ -72,7 +72,7 @@ def norm_over_time(model: BayesianModel, belief: Posterior, samples: Samples, ev
     """(times [n] [s], total norm [n]) as samples are learnt one after the other."""
     counts = np.arange(0, len(samples.x) + 1, every)
     norms = [covariance_norms(learn(model, belief, samples.where(np.arange(count))))[1] for count in counts]
-    return DT * counts, np.array(norms)
+    return DT * counts.astype(np.float64), np.array(norms, dtype=np.float64)
 
 
 @styled

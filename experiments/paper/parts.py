@@ -85,14 +85,13 @@ def tasks(config: PaperConfig, folder: Path) -> dict[str, Callable[[], None]]:
     few = min(config.few, config.vehicles)
     found: dict[str, Callable[[], None]] = {}
     for kind in KINDS:
-        options = recipe(config, kind, folder)
-        for name, main, make, models in (
-            ("figure_8", figure_8.main, ModelsConfig, FIGURE_8),
-            ("loops", loops.main, loops.LoopsConfig, LOOPS),
-        ):
-            out = folder / name / kind
-            whole = make(**options, **drawn(config, config.vehicles), noise_seeds=config.seeds, models=models, out=out)
-            found[f"{name}/{kind}"] = partial(main, whole)
+        options = recipe(config, kind, folder) | drawn(config, config.vehicles) | {"noise_seeds": config.seeds}
+        found[f"figure_8/{kind}"] = partial(
+            figure_8.main, ModelsConfig(**options, models=FIGURE_8, out=folder / "figure_8" / kind)
+        )
+        found[f"loops/{kind}"] = partial(
+            loops.main, loops.LoopsConfig(**options, models=LOOPS, out=folder / "loops" / kind)
+        )
     gathering = {kind: Recipe(**recipe(config, kind, folder)).resolved() for kind in KINDS}
     found["drives"] = partial(drives.main, drives.DrivesConfig(
         gathering["recipe"], gathering["shipped"], config.vehicles, few, config.population, config.vehicle_seed,

@@ -103,7 +103,7 @@ def test_a_failed_run_is_placed_by_the_transitions(tmp_path: Path) -> None:
     runs.to_csv(tmp_path / "runs.csv", index=False)
     assert list(read_runs(tmp_path / "runs.csv", "figure_8")["past_first"]) == [False, True, True, True]
     said = tables.failures(dict.fromkeys(KINDS, Evidence(runs, claims.NONE, claims.NONE)))
-    assert "| Once-OCP | 3 of 4 | before transition 2: 1 completed; in transition 1: 1 completed;" in said
+    assert "| Once-OCP | 3 of 4 | before transition 2: completed, 1; in transition 1: completed, 1;" in said
 
 
 def test_parts_are_in_the_papers_order_under_the_recipe_and_as_shipped(tmp_path: Path) -> None:

@@ -79,7 +79,7 @@ docs-version: .venv/installed-all
 	$(BIN)/mike set-default latest
 
 # Without figure_8, whose drives take hours.
-PICTURES := car_frames demo diagnosis drive_time_series effects_map gap layers loop predictions reliability replay report safe_stop still two_criteria
+PICTURES := car_frames demo diagnosis drive_time_series effects_map framework gap layers loop predictions reliability replay report safe_stop still two_criteria
 
 pictures: .venv/installed-all
 	$(BIN)/python -m diagrams.docs_picture

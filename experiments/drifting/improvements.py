@@ -1,6 +1,7 @@
-"""From the paper's recipe to the shipped model, one improvement added at a time, on the figure-8.
+"""From the paper's recipe to the shipped model, one improvement added at a time, on the figure-8 or the loops.
 
     python -m experiments.drifting.improvements --vehicle-seed 890417 --vehicles 8
+    python -m experiments.drifting.improvements --maneuver loops --models online twice_info --vehicles 4
 
 The same attempts for all rungs of the ladder; what is switched is what needs no training. Written: config.json, a
 folder of runs a rung, runs.csv, numbers.json, report.md, improvements.png. The vehicles are driven one after the other,
@@ -22,17 +23,29 @@ from drift_drake.common.errors import InvalidOptionError
 from drift_drake.common.executors import ExecutorConfig
 from drift_drake.common.run_folder import make_run_folder, write_json, write_versions
 from drift_drake.common.safe_files import write_figure, write_table
-from drift_drake.drive.gathering.config import GatheringConfig, as_in_paper
+from drift_drake.drive.gathering.config import Extra, GatheringConfig, as_in_paper
+from drift_drake.drive.learnt.adapter import DEFAULT_THRESHOLD
 from drift_drake.drive.learnt.bayesian_step import PathStep
 from drift_drake.drive.learnt.checkpoint import load_model, paper_checkpoint
+from drift_drake.drive.loop.closed_loop import ControlConfig
 from drift_drake.drive.manoeuvres.vehicles import Population
 from drift_drake.view.style import BOUND, INK, RUNS, new_figure, styled
 from experiments.drifting.report import LABELS, completion_table, differences_table, pair_of, summarise
-from experiments.drifting.runs import BELIEFS, Model, ModelsConfig, open_folder, run_models
+from experiments.drifting.runs import (
+    BELIEFS,
+    EXTRAS,
+    Maneuver,
+    Model,
+    ModelsConfig,
+    open_folder,
+    paper_control,
+    run_models,
+)
 from experiments.made import write_report
 from experiments.settings import keep_settings
 
 PREDICTING: tuple[Model, ...] = ("prior", "once_ocp", "once_info", "twice_info")
+DRIVING: tuple[Model, ...] = (*PREDICTING, "online")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -42,6 +55,7 @@ class ImprovementsConfig:
     vehicles: int = 6
     first: int = 0  # index of the first vehicle of the population
     population: Population = "held_out"
+    maneuver: Maneuver = "figure_8"
     noise_seeds: int = 1  # attempts of each vehicle
     vehicle_seed: int = 0  # of the draw of the vehicles
     models: tuple[Model, ...] = (*PREDICTING, "online", "twice_online")
@@ -64,6 +78,7 @@ class Rung(NamedTuple):
     learnt: str  # "paper", "shipped" or the name of a checkpoint between the two
     gathering: GatheringConfig
     path_step: PathStep
+    keep: tuple[Extra, ...] = EXTRAS  # of what the paper's controller has not
 
 
 def ladder(between: Sequence[str] = ()) -> list[Rung]:
@@ -75,25 +90,28 @@ def ladder(between: Sequence[str] = ()) -> list[Rung]:
     change = dataclasses.replace
     paper, shipped = as_in_paper(GatheringConfig()), change(GatheringConfig(), learn_lags=False)
     # Within the bounds plans bear a greater weight, and one that has not converged is still a car's motion.
-    bounded = change(paper, bounded=True, ends_straight=True, alpha=shipped.alpha, only_converged=False)
+    kept = change(paper, qp=shipped.qp)
+    bounded = change(kept, bounded=True, ends_straight=True, alpha=shipped.alpha, only_converged=False)
     weighed = change(bounded, fixed_alpha=False)
     for_drifts = change(weighed, objective_later="drifts")
     rungs = [
-        Rung("paper", "as in the paper", PREDICTING, "paper", paper, "euler"),
+        Rung("paper", "as in the paper", DRIVING, "paper", paper, "euler", ()),
+        Rung("extras", "+ screen, gate, fresh guesses, delay, safe stop, interior point", DRIVING, "paper", kept,
+             "euler"),
         Rung("bounds", "+ plans bounded, ending straight, of more weight", PREDICTING[2:], "paper", bounded, "euler"),
         Rung("weights", "+ a later round's information weighed anew", PREDICTING[3:], "paper", weighed, "euler"),
         Rung("drifts", "+ later rounds planned for drifts", PREDICTING[3:], "paper", for_drifts, "euler"),
         Rung("plans", "+ the learnt car's path in plans: the shipped gathering", PREDICTING[1:], "paper", shipped,
              "euler"),
-        Rung("control", "+ the learnt car's path in the controller", PREDICTING, "paper", shipped, "trapezoid"),
+        Rung("control", "+ the learnt car's path in the controller", DRIVING, "paper", shipped, "trapezoid"),
     ]  # fmt: skip
-    rungs += [Rung(name, f"the model {name}", PREDICTING, name, shipped, "trapezoid") for name in between]
+    rungs += [Rung(name, f"the model {name}", DRIVING, name, shipped, "trapezoid") for name in between]
     return [
         *rungs,
-        Rung("model", "the shipped model, the paper's gathering", PREDICTING, "shipped", paper, "trapezoid"),
-        Rung("shipped", "the shipped model and gathering", (*PREDICTING[1:], "online", "twice_online"), "shipped",
-             shipped, "trapezoid"),
-        Rung("lags", "+ the lags that make the drives likeliest", (*PREDICTING[2:], "twice_online"), "shipped",
+        Rung("model", "the shipped model, the paper's gathering", DRIVING, "shipped", kept, "trapezoid"),
+        Rung("shipped", "the shipped model and gathering", (*PREDICTING[1:], "twice_online"), "shipped", shipped,
+             "trapezoid"),
+        Rung("lags", "+ the lags that make the drives likeliest", (*DRIVING[2:], "twice_online"), "shipped",
              GatheringConfig(), "trapezoid"),
     ]  # fmt: skip
 
@@ -137,10 +155,11 @@ def checkpoints(config: ImprovementsConfig, folder: Path) -> dict[str, Path | No
 
 def rung_config(config: ImprovementsConfig, rung: Rung, checkpoint: Path | None, folder: Path) -> ModelsConfig:
     """What `figure_8` would be asked for, with its runs in a folder of the rung's own."""
+    control, gate = paper_control(ControlConfig(), DEFAULT_THRESHOLD, rung.keep)
     return ModelsConfig(
-        checkpoint=checkpoint, gathering=rung.gathering, path_step=rung.path_step, models=rung.models,
-        vehicles=config.vehicles, first=config.first, population=config.population, noise_seeds=config.noise_seeds,
-        vehicle_seed=config.vehicle_seed, run_on=config.run_on, out=folder / rung.name,
+        checkpoint=checkpoint, control=control, gate=gate, gathering=rung.gathering, path_step=rung.path_step,
+        models=rung.models, vehicles=config.vehicles, first=config.first, population=config.population,
+        noise_seeds=config.noise_seeds, vehicle_seed=config.vehicle_seed, run_on=config.run_on, out=folder / rung.name,
     )  # fmt: skip
 
 
@@ -155,8 +174,8 @@ def drive_ladder(config: ImprovementsConfig, rungs: Sequence[Rung], folder: Path
         rung.gathered(wanted, load_model(rung.checkpoint), folder / name)  # for all vehicles, so that plans are shared
     for vehicle in range(config.first, config.first + config.vehicles):
         for name, rung in settings.items():
-            run_models(dataclasses.replace(rung, first=vehicle, vehicles=1), "figure_8", folder / name)
-    runs = [run_models(rung, "figure_8", folder / name).assign(rung=name) for name, rung in settings.items()]
+            run_models(dataclasses.replace(rung, first=vehicle, vehicles=1), config.maneuver, folder / name)
+    runs = [run_models(rung, config.maneuver, folder / name).assign(rung=name) for name, rung in settings.items()]
     return pd.concat(runs, ignore_index=True)
 
 

@@ -243,10 +243,15 @@ def differences_table(rows: Sequence[tuple[str, pd.DataFrame, pd.DataFrame]]) ->
 
 def _more(first: pd.DataFrame, second: pd.DataFrame, flag: str) -> str:
     """By how much the first runs' share with a flag is above the second's."""
+    more, low, high = share_difference(first, second, flag)
+    return f"{more:+.0%} ({low:+.0%} to {high:+.0%})"
+
+
+def share_difference(first: pd.DataFrame, second: pd.DataFrame, flag: str) -> tuple[float, float, float]:
+    """The first runs' share with a flag less the second's of the same attempts, with its 95 % interval by vehicle."""
     # Both have the same attempts, so that the mean of the signed flags is half the difference of the shares.
     signed = pd.concat([first.assign(signed=2.0 * first[flag]), second.assign(signed=-2.0 * second[flag])])
-    low, high = by_vehicle(signed, "signed", lambda values: float(np.mean(values)))
-    return f"{signed['signed'].mean():+.0%} ({low:+.0%} to {high:+.0%})"
+    return float(signed["signed"].mean()), *by_vehicle(signed, "signed", lambda values: float(np.mean(values)))
 
 
 def paper_table(summary: dict[str, Any], error: str) -> str:

@@ -12,6 +12,7 @@ need it.
 
 import dataclasses
 import json
+import math
 from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
@@ -29,8 +30,8 @@ from drift_drake.common.errors import InvalidOptionError, meant
 from drift_drake.common.executors import ExecutorConfig, run_jobs
 from drift_drake.common.run_folder import is_done, write_json
 from drift_drake.common.safe_files import write_table
-from drift_drake.drive.gathering.config import Recipe
-from drift_drake.drive.learnt.adapter import OFFSET_TIME, BayesianAdapter
+from drift_drake.drive.gathering.config import Extra, Recipe
+from drift_drake.drive.learnt.adapter import DEFAULT_THRESHOLD, OFFSET_TIME, BayesianAdapter
 from drift_drake.drive.learnt.bayesian_step import PathStep
 from drift_drake.drive.learnt.checkpoint import BayesianModel, load_model
 from drift_drake.drive.learnt.lag_bank import BANK
@@ -55,7 +56,19 @@ BELIEFS: dict[str, str] = {
 }  # fmt: skip
 ADAPTING = ("online", "offset_free", "twice_online")
 LEARNING_LAGS = ("online", "offset_free")  # while driving; the others have them from their gathering
+OFF: dict[Extra, dict[str, Any]] = {
+    "screening": {"screening": False}, "fresh_guesses": {"fresh_guesses": False}, "delay": {"delay": 0.0},
+    "safe_stop": {"patience": 0.0}, "interior_point": {"qp": "osqp", "osqp_iterations": 200}, "gate": {},
+}  # fmt: skip
+"""How the paper's controller is set up where the recipe does not keep what it has not; the gate is the adapter's."""
+EXTRAS = tuple(OFF)
 COLUMNS = ("t", "s", "x", "y", "psi", "r", "v", "beta", "omega_r", "e", "dphi", "delta", "tau")  # kept of a run
+
+
+def paper_control(control: ControlConfig, gate: float, keep: Sequence[Extra]) -> tuple[ControlConfig, float]:
+    """The controller and the adapter's gate of the paper's recipe, with what is kept of what the paper has not."""
+    off = {name: value for extra, change in OFF.items() if extra not in keep for name, value in change.items()}
+    return dataclasses.replace(control, **off), gate if "gate" in keep else math.inf
 
 
 @dataclasses.dataclass(frozen=True)
@@ -70,6 +83,7 @@ class DriftConfig(Recipe):
     also: dict[str, float] = dataclasses.field(default_factory=dict)
     """Effects that every vehicle has besides: NAME SIZE, such as steering_delay 0.1."""
     path_step: PathStep = "trapezoid"  # of the learnt model in the controller; Euler's as in the paper
+    gate: float = DEFAULT_THRESHOLD  # Mahalanobis distance from which on a sample does not adapt the model
     control: ControlConfig = dataclasses.field(default_factory=ControlConfig)
     run_on: Annotated[ExecutorConfig, tyro.conf.arg(name="")] = dataclasses.field(default_factory=ExecutorConfig)
     out: Path | None = None
@@ -78,7 +92,10 @@ class DriftConfig(Recipe):
     def resolved(self) -> Self:
         """The configuration with what `as_in_paper` stands for, in the controller too."""
         config = super().resolved()
-        return dataclasses.replace(config, path_step="euler") if self.as_in_paper else config
+        if not self.as_in_paper:
+            return config
+        control, gate = paper_control(self.control, self.gate, self.keep)
+        return dataclasses.replace(config, path_step="euler", control=control, gate=gate)
 
     def attempts(self) -> list[Attempt]:
         """(vehicle, noise seed) of each attempt, every vehicle's first before any second."""
@@ -128,6 +145,7 @@ class Learnt(NamedTuple):
     path_step: PathStep = "trapezoid"
     offset_time: float | None = None  # [s] of the adapter's offset
     lags: bool = False  # the actuators' lags are learnt as it drives
+    gate: float = DEFAULT_THRESHOLD  # of the adapter's samples
 
 
 Believes = Literal["nominal", "oracle"] | Learnt | IdentifiedCar
@@ -170,7 +188,7 @@ def closed_loop(job: DriveJob) -> ClosedLoop:
         # A belief that stays as it is needs no adapter, unless its covariance is asked for.
         if believes.adapting or control.tightening > 0.0:
             lags = BANK if believes.lags else None
-            adapter = BayesianAdapter(believes.model, offset_time=believes.offset_time, lags=lags)
+            adapter = BayesianAdapter(believes.model, believes.gate, believes.offset_time, lags)
     else:
         if isinstance(believes, IdentifiedCar):
             model, errors = believes.step_model(), sensor_errors(believes.effects)
@@ -221,7 +239,8 @@ def run_models(config: ModelsConfig, maneuver: Maneuver, folder: Path) -> pd.Dat
     wanted = frozenset(BELIEFS[model] for model in config.models if model in BELIEFS)
     gathered = gather_all(config.attempts(), config.effects, wanted, learnt, config.gathering, folder, config.run_on,
                           config.car)  # fmt: skip
-    believing = Believing(learnt, config.path_step, usual_surprise(learnt), config.gathering.learn_lags)
+    surprise = usual_surprise(learnt)
+    believing = Believing(learnt, config.path_step, surprise, config.gathering.learn_lags, config.gate)
     jobs = []
     for vehicle, seed in config.attempts():
         for model in config.models:
@@ -240,6 +259,7 @@ class Believing(NamedTuple):
     path_step: PathStep
     surprise: Familiar | None  # what is usual of the first drive for the learnt model, if that was measured
     learn_lags: bool = True
+    gate: float = DEFAULT_THRESHOLD
 
     def __call__(self, model: Model, taught: Taught | None) -> tuple[dict[str, Any], Believes]:
         """(columns of the experiment's table, what is believed) after what the gathering has taught."""
@@ -258,7 +278,7 @@ class Believing(NamedTuple):
                 labels["refused"] = taught.surprise > self.surprise.limit(SURPRISED)
         offset_time = OFFSET_TIME if model == "offset_free" else None
         lags = self.learn_lags and model in LEARNING_LAGS
-        return labels, Learnt(learnt, belief, model in ADAPTING, self.path_step, offset_time, lags)
+        return labels, Learnt(learnt, belief, model in ADAPTING, self.path_step, offset_time, lags, self.gate)
 
     def _of_drives(self, model: Model, taught: Taught, labels: dict[str, Any]) -> tuple[dict[str, Any], Believes]:
         """The same of a car that drives identify; `online` where none was, or none is believed."""

@@ -9,6 +9,7 @@ Name = Literal[
     "drive_time_series",
     "effects_map",
     "figure_8",
+    "framework",
     "gap",
     "layers",
     "loop",

@@ -19,6 +19,7 @@ from drift_drake.common.executors import ExecutorConfig, NoClusterError, run_job
 from drift_drake.drive.gathering.config import GatheringConfig, as_in_paper
 from drift_drake.drive.learnt.checkpoint import paper_checkpoint
 from drift_drake.drive.loop.closed_loop import ControlConfig
+from drift_drake.drive.loop.endings import RunLimits
 from drift_drake.drive.mpc.controller import MpcController
 from drift_drake.drive.reference.trajectory import figure_8
 from drift_drake.gap.choose import choice
@@ -208,3 +209,37 @@ def test_as_in_the_paper_is_the_papers_model_and_gathering() -> None:
     assert found.path_step == "euler"
     assert found.gathering == as_in_paper(SHORT)
     assert ModelsConfig().resolved() == ModelsConfig()
+
+
+def test_as_in_the_paper_is_without_what_the_paper_has_not() -> None:
+    found, control = ModelsConfig(as_in_paper=True).resolved(), ControlConfig()
+    off = {
+        "screening": False,
+        "fresh_guesses": False,
+        "delay": 0.0,
+        "patience": 0.0,
+        "qp": "osqp",
+        "osqp_iterations": 200,
+    }
+    assert found.control == dataclasses.replace(control, **off)
+    assert (found.gate, found.gathering.qp) == (np.inf, "osqp")
+    kept = ModelsConfig(as_in_paper=True, keep=drift_runs.EXTRAS).resolved()
+    assert (kept.control, kept.gate, kept.gathering.qp) == (control, ModelsConfig.gate, "stagewise")
+    one = ModelsConfig(as_in_paper=True, keep=("delay",)).resolved()
+    assert one.control == dataclasses.replace(found.control, delay=control.delay)
+    with pytest.raises(InvalidOptionError, match="--keep delay: give --as-in-paper too"):
+        ModelsConfig(keep=("delay",)).resolved()
+
+
+def test_a_car_is_driven_without_what_the_paper_has_not() -> None:
+    control, gate = drift_runs.paper_control(FAST, ModelsConfig.gate, ())
+    learnt = drift_runs.load_model(paper_checkpoint())
+    believes = drift_runs.Learnt(learnt, learnt.prior(), adapting=True, path_step="euler", gate=gate)
+    loop = drift_runs.closed_loop(drift_runs.DriveJob("", {}, "figure_8", Effects(), 0, believes, control))
+    assert loop.screen is None
+    assert loop.safe_stop is None
+    run = loop.run(loop.initial_context(seed=0), RunLimits(time_factor=0.08))
+    assert run.outcome == "time is up"
+    assert run.metrics().qp_fallbacks == run.metrics().restarts == 0
+    assert not (run.table["solve_restart"] > 0.0).any()
+    assert loop.adapter is not None

@@ -14,6 +14,7 @@ from drift_drake.car.parameters import VehicleParameters
 from drift_drake.common.errors import InvalidOptionError
 from drift_drake.common.executors import ExecutorConfig
 from drift_drake.drive.gathering.config import GatheringConfig, as_in_paper
+from drift_drake.drive.learnt.adapter import DEFAULT_THRESHOLD
 from drift_drake.drive.learnt.checkpoint import load_model, paper_checkpoint
 from drift_drake.drive.loop.closed_loop import ControlConfig
 from drift_drake.drive.reference.trajectory import figure_8
@@ -31,13 +32,15 @@ from experiments.drifting.improvements import (
     steps_table,
     summarise_ladder,
 )
-from experiments.drifting.runs import ModelsConfig
+from experiments.drifting.runs import EXTRAS, ModelsConfig, paper_control
 
 
 def test_the_ladder_begins_as_in_the_paper_and_ends_as_shipped() -> None:
     rungs = ladder()
     first, last = ModelsConfig(as_in_paper=True).resolved(), ModelsConfig()
     assert (rungs[0].gathering, rungs[0].path_step) == (first.gathering, first.path_step)
+    assert paper_control(ControlConfig(), DEFAULT_THRESHOLD, rungs[0].keep) == (first.control, first.gate)
+    assert paper_control(ControlConfig(), DEFAULT_THRESHOLD, rungs[-1].keep) == (last.control, last.gate)
     assert (rungs[-1].gathering, rungs[-1].path_step) == (last.gathering, last.path_step)
     assert (rungs[0].learnt, rungs[-1].learnt) == ("paper", "shipped")
 
@@ -46,11 +49,15 @@ def test_each_rung_of_the_papers_model_adds_to_the_one_before() -> None:
     def switched(name: str) -> dict[str, Any]:
         rung = next(rung for rung in ladder() if rung.name == name)
         before, now = dataclasses.asdict(as_in_paper(GatheringConfig())), dataclasses.asdict(rung.gathering)
-        return {key: value for key, value in now.items() if value != before[key]} | {"control": rung.path_step}
+        return {key: value for key, value in now.items() if value != before[key]} | {
+            "control": rung.path_step,
+            "keep": rung.keep,
+        }
 
     steps = [switched(rung.name) for rung in ladder() if rung.learnt == "paper"]
     added = [{key: now[key] for key in now if before.get(key) != now[key]} for before, now in pairwise(steps)]
     assert added == [
+        {"qp": "stagewise", "keep": EXTRAS},
         {"bounded": True, "ends_straight": True, "alpha": 8.0, "only_converged": False},  # the bounds bear more weight
         {"fixed_alpha": False},
         {"objective_later": "drifts"},
@@ -87,7 +94,7 @@ def test_checkpoints_between_the_two_are_rungs_of_their_own(tmp_path: Path) -> N
     [
         ({"between": ("a/x.npz", "b/x.npz")}, "--between: x names two rungs"),
         ({"between": ("paper.npz",)}, "--between: paper names two rungs"),
-        ({"rungs": ("x",)}, "--rungs x: give some of paper, bounds"),
+        ({"rungs": ("x",)}, "--rungs x: give some of paper, extras, bounds"),
     ],
 )
 def test_rungs_have_names_of_their_own(options: dict[str, Any], message: str) -> None:
@@ -130,7 +137,13 @@ def test_each_rung_is_held_against_the_one_before_vehicle_by_vehicle() -> None:
 
 
 def test_some_models_need_some_rungs_alone() -> None:
-    assert [rung.name for rung in of_models(ladder(), ["prior", "online"])] == ["paper", "control", "model", "shipped"]
+    assert [rung.name for rung in of_models(ladder(), ["prior", "online"])] == [
+        "paper",
+        "extras",
+        "control",
+        "model",
+        "lags",
+    ]
     assert of_models(ladder(), ["online"])[0].models == ("online",)
 
 
@@ -148,7 +161,7 @@ def test_a_rung_is_driven_and_gone_on_with(
     course = dataclasses.replace(figure_8(VehicleParameters()), distance=10.0)
     monkeypatch.setattr(runs, "reference", lambda _: course)
     fast = ControlConfig(horizon=12, period=0.05, delay=0.05)
-    monkeypatch.setattr(improvements, "ModelsConfig", lambda **options: ModelsConfig(control=fast, **options))
+    monkeypatch.setattr(improvements, "paper_control", lambda *_: (fast, DEFAULT_THRESHOLD))
     short = dataclasses.replace(as_in_paper(GatheringConfig(steps=15, v_end=10.0, starts=1)))
     rungs = [rung._replace(models=("prior", "once_ocp"), gathering=short) for rung in ladder()[:1]]
     config = ImprovementsConfig(vehicles=2, population="train", run_on=here)

@@ -15,6 +15,7 @@ from drift_drake.drive.learnt.bayesian_step import PathStep
 from drift_drake.drive.learnt.checkpoint import paper_checkpoint
 from drift_drake.drive.mpc.ocp import OcpData, OcpWeights, OptimalControlProblem
 from drift_drake.drive.mpc.plan import DT
+from drift_drake.drive.qp.qp import QpMethod
 from drift_drake.drive.qp.stages import StageRows
 from drift_drake.drive.reference.stadium import HARDEST, Stadium, stadium
 from drift_drake.drive.reference.trajectory import Reference, circle
@@ -32,6 +33,9 @@ PAPER_ALPHA = 4.0  # [1/nat] of the paper's recipe; chosen by `experiments.gathe
 # What a plan is to tell: l_info of eq. (8); the same with the covariance updated along the horizon; of drifts to come;
 # of what the control along the figure-8 will need.
 Objective = Literal["eq8", "updated", "drifts", "reference"]
+# What `as_in_paper` turns off, since the paper does not have it: the screen of measurements, the gate of the adapter's
+# samples, plans from fresh guesses, the prediction over the delay, the safe stop, the interior-point method.
+Extra = Literal["screening", "gate", "fresh_guesses", "delay", "safe_stop", "interior_point"]
 NARROWEST = 0.5  # half width of a lane that bends, of its radius
 LONGEST_DRIVE = 600.0  # [s] on a track
 
@@ -152,12 +156,16 @@ class GatheringConfig(LaneDrive):
     fixed_alpha: bool = False  # the same weight of the information in later rounds
     # After informative drives, the lags of steering and torque are those of a bank that make the drives likeliest.
     learn_lags: bool = True  # of steering and torque, from informative drives
+    tightening: float = 0.0
+    """Standard deviations of the predicted e by which a plan's lane is narrowed, by what is believed of the car before
+    the drive (`mpc.tightening`)."""
     path_step: PathStep = "trapezoid"  # Euler's would turn as the nominal car does: twice as far from the true car's
     only_converged: bool = False
     """A plan whose SQP has not converged is none. Without, one that is feasible is driven: with the shipped bounds its
     states are those of a car that can be caught, whether its cost is the least or not."""
     max_iterations: int = 80  # of the SQP
     tolerance: float = 1e-3  # [-] the SQP's, scaled: far below what the feedback absorbs
+    qp: QpMethod = "stagewise"  # what solves the plans' quadratic programs
     # Inputs smoother than the drift controller's: that costs some information, but what is learnt carries over better
     # to drifting, and the true car stays nearer to the plan.
     weights: OcpWeights = dataclasses.field(default_factory=lambda: OcpWeights(delta=100.0, tau=3e-4))  # of the cost
@@ -179,6 +187,8 @@ class GatheringConfig(LaneDrive):
             )
         if self.replan != 0.0 and not self.replan >= DT:
             raise InvalidOptionError(f"replan is {self.replan:g} s; give {DT:g} s or more, or 0 for never")
+        if not 0.0 <= self.tightening < np.inf or (self.tightening > 0.0 and self.replan > 0.0):
+            raise InvalidOptionError(f"tightening is {self.tightening:g}; give 0 or more, and above 0 no replan")
         if not 0.0 <= self.stop_below <= 1.0:
             raise InvalidOptionError(f"stop_below is {self.stop_below:g}; give 0 to 1")
 
@@ -203,17 +213,23 @@ class GatheringConfig(LaneDrive):
         return self.duration if self.lane == "track" else self.steps * DT
 
 
-def as_in_paper(config: GatheringConfig, alpha: float = PAPER_ALPHA) -> GatheringConfig:
+def as_in_paper(
+    config: GatheringConfig,
+    alpha: float = PAPER_ALPHA,
+    qp: QpMethod = "osqp",
+    objective: Literal["eq8", "updated"] = "eq8",
+) -> GatheringConfig:
     """Information gathering as in the paper: eq. (8) in every round with one weight, Euler's path, nothing bounded.
 
     Nothing else than convergence says then whether a plan is of a car's motion: one that has not converged is none.
 
     Args:
-        alpha: weight of the information [1/nat], which the paper does not state.
+        alpha: weight of the information [1/nat], which the paper does not state; qp: the paper's solver.
+        objective: "updated" for the total information along the horizon, which the paper tried too.
     """
     return dataclasses.replace(
-        config, objective="eq8", objective_later="eq8", fixed_alpha=True, ends_straight=False, bounded=False,
-        path_step="euler", learn_lags=False, alpha=alpha, only_converged=True,
+        config, objective=objective, objective_later=objective, fixed_alpha=True, ends_straight=False, bounded=False,
+        path_step="euler", learn_lags=False, alpha=alpha, only_converged=True, qp=qp,
     )  # fmt: skip
 
 
@@ -222,10 +238,14 @@ class Recipe:
     """What every experiment that gathers is configured with."""
 
     checkpoint: Path | None = None
-    """Of the learnt model; the shipped one without."""
+    """Of the learnt model; without, the shipped one, or the paper's."""
     as_in_paper: bool = False
     """The paper's model (27,012 parameters, z alone, T = 10, four separate beliefs, 35 vehicles) and its information
-    gathering: eq. (8) with one weight, Euler's path, no added bounds."""
+    gathering: eq. (8) with one weight, Euler's path, no added bounds; its controller, without what `keep` lists."""
+    paper_objective: Literal["eq8", "updated"] = "eq8"
+    """"updated": the total information along the horizon in place of eq. (8)'s sum."""
+    keep: tuple[Extra, ...] = ()
+    """Of what the paper has not, what the recipe keeps all the same."""
     paper_alpha: float = PAPER_ALPHA
     """Weight of the information in the paper's recipe, which has this in place of gathering.alpha."""
     gathering: GatheringConfig = dataclasses.field(default_factory=GatheringConfig)
@@ -237,14 +257,17 @@ class Recipe:
             InvalidOptionError: a weight that the recipe does not take.
         """
         if not self.as_in_paper:
+            if self.keep:
+                raise InvalidOptionError(f"--keep {self.keep[0]}: give --as-in-paper too; without it, all is kept")
             return self
         if self.gathering.alpha != GatheringConfig.alpha:
             raise InvalidOptionError(
                 f"--gathering.alpha {self.gathering.alpha:g}: the paper's recipe has a weight of its own; "
                 f"give --paper-alpha {self.gathering.alpha:g}"
             )
-        gathering = as_in_paper(self.gathering, self.paper_alpha)
-        return dataclasses.replace(self, checkpoint=paper_checkpoint(), gathering=gathering)
+        qp = self.gathering.qp if "interior_point" in self.keep else "osqp"
+        gathering = as_in_paper(self.gathering, self.paper_alpha, qp, self.paper_objective)
+        return dataclasses.replace(self, checkpoint=self.checkpoint or paper_checkpoint(), gathering=gathering)
 
 
 def lane(config: GatheringConfig) -> Reference:

@@ -30,10 +30,13 @@ from drift_drake.drive.learnt.posterior import Posterior, weighed
 from drift_drake.drive.learnt.quality import step_model
 from drift_drake.drive.mpc.ocp import OcpWeights, OptimalControlProblem
 from drift_drake.drive.mpc.sqp import LineSearchSqp, SqpOptions, SqpResult
+from drift_drake.drive.mpc.tightening import lateral_deviation, tightened
 from drift_drake.drive.qp.qp import QpOptions
 
 MORE = 2  # times as many first guesses where none has led to a plan
-QP_TOLERANCE = 1e-6  # of the interior-point method: a thousandth of the plan's
+QP_TOLERANCE = 1e-6  # of a quadratic program: a thousandth of the plan's
+OSQP_ITERATIONS = 4000
+NARROWINGS = 3  # of the lane, each by the uncertainty along the plan before
 CONVERGED = "converged"  # of an SQP's statuses
 TRIAL = 10  # SQP iterations from each first guess, before the best one's solution is gone on with
 
@@ -91,6 +94,8 @@ def plan_drive(
             raise
         more = _first_guesses(problem, straight, MORE * count + 1, generator)[1:]
         best = _best(solver, more, config.only_converged)
+    if config.tightening > 0.0:
+        best = _narrowed(problem, solver, model, belief, config, best, lateral)
     if config.lane == "track":
         best = _where_it_drives(config, problem, solver, best)
     x, u, _ = problem.unstack(best.z)
@@ -99,7 +104,8 @@ def plan_drive(
 
 def sqp_options(config: GatheringConfig) -> SqpOptions:
     """To convergence, as plans are solved."""
-    return SqpOptions(config.max_iterations, config.tolerance, QpOptions(interior_tolerance=QP_TOLERANCE))
+    qp = QpOptions(config.qp, QP_TOLERANCE, OSQP_ITERATIONS, interior_tolerance=QP_TOLERANCE)
+    return SqpOptions(config.max_iterations, config.tolerance, qp)
 
 
 def _first_guesses(
@@ -140,6 +146,31 @@ def _best(solver: LineSearchSqp, guesses: list[Array], only_converged: bool) -> 
     raise InfeasiblePlanError(
         "no first guess led to a feasible trajectory; widen the lane, lower alpha or allow more iterations"
     )
+
+
+def _narrowed(
+    problem: OptimalControlProblem, solver: LineSearchSqp, model: BayesianModel, belief: Posterior,
+    config: GatheringConfig, found: SqpResult, lateral: Array | None,
+) -> SqpResult:  # fmt: skip
+    """A plan within the lane less `config.tightening` standard deviations of its e, each time of the last solution.
+
+    Raises:
+        InfeasiblePlanError: there is none.
+    """
+    data = lane_data(config, lateral)
+    data = data._replace(x_init=np.append(data.x_init, data.u_init))
+    believed = step_model(model, belief, config.path_step)
+    for _ in range(NARROWINGS):
+        x, u, _ = problem.unstack(found.z)
+        sigma = lateral_deviation(believed, model.sigma, belief.covariance, x, u, data.curvature)
+        e_min, e_max = tightened(data.e_min, data.e_max, config.tightening * sigma)
+        problem.set(data._replace(e_min=e_min, e_max=e_max))
+        found = solver.solve(found.z, found.y)
+        if not usable(found, config.only_converged):
+            raise InfeasiblePlanError(
+                f"no plan keeps to the lane less {config.tightening:g} standard deviations of e; lower tightening"
+            )
+    return found
 
 
 def _where_it_drives(

@@ -64,10 +64,12 @@ class ControlConfig:
     period: float = 0.01  # [s] between plans
     delay: float = 0.01  # [s] from a measurement until its plan is in force
     qp: QpMethod = "stagewise"  # what solves the plans' quadratic programs; osqp alone leaves some of them unsolved
+    osqp_iterations: int = 30  # at most, of one QP; with 200 few are left unsolved, and a third of the plans are late
     iterations: int = 2  # SQP steps a plan at most; one where the dynamics' defect after it is within its tolerance
     tolerance: float | None = None  # [-] of a plan's residuals, in place of `iterations`
     tightening: float = 0.0  # [-] deviations of the predicted e by which the lane is narrowed; learnt models only
     screening: bool = True  # of readings, by what a car can do and by what the model predicts
+    fresh_guesses: bool = True  # plans from the reference, worked out in parallel, against other local optima
     patience: float = 0.5  # [s] of age of the plan in force, after which the car is stopped on its lane; 0 for never
     weights: OcpWeights = dataclasses.field(default_factory=OcpWeights)  # of the cost, of a car of the default size
 
@@ -183,13 +185,13 @@ class ClosedLoop:
         if controller is not None:
             return controller_system(controller, control.horizon, control.period, control.delay)
         assert learners.model is not None
-        options = SqpOptions.real_time(control.iterations, control.qp)
+        options = SqpOptions.real_time(control.iterations, control.qp, control.osqp_iterations)
         if control.tolerance is not None:
             options = SqpOptions.converging(control.tolerance, control.qp)
         mpc = Mpc(
             learners.model, self.parameters, self.reference, control.horizon,
             control.weights.of_size(similarity(self.parameters)), options, control.delay, self.initial_command,
-            learners.tightening,
+            learners.tightening, control.fresh_guesses,
         )  # fmt: skip
         return MpcController(mpc, control.period, learners.theta_size or effects_size)
 

@@ -117,6 +117,7 @@ class Mpc:
         delay: [s] from a measurement until its plan is in force.
         initial_command: (delta [rad], tau [N m]) in force before the first plan.
         tightening: narrows the lane by the model's uncertainty along the last solution; needs a learnt model.
+        fresh_guesses: whether plans from a fresh guess are worked out in parallel.
     """
 
     def __init__(
@@ -130,12 +131,13 @@ class Mpc:
         delay: float = 0.01,
         initial_command: tuple[float, float] = (0.0, 0.0),
         tightening: LaneTightening | None = None,
+        fresh_guesses: bool = True,
     ) -> None:
         self.model, self.reference, self.horizon, self.delay = model, reference, horizon, delay
         self.problem = OptimalControlProblem(model, parameters, horizon, weights)
         self._initial_command = np.array(initial_command, dtype=float)
         self._steering_limit = parameters.steering_limit
-        self.tightening = tightening
+        self.tightening, self.fresh_guesses = tightening, fresh_guesses
         self._solver = LineSearchSqp(self.problem, options or SqpOptions.real_time())
 
     @property
@@ -205,6 +207,8 @@ class Mpc:
     ) -> tuple[SqpResult, AlternativePlan | None, float, float]:
         """(what is followed, the alternative from now on, `restart`, seconds in all) of a solve and the alternative."""
         seconds, restart = sum(iteration.seconds for iteration in result.iterations), float(alternative is not None)
+        if not self.fresh_guesses:
+            return result, None, restart, seconds
         if alternative is not None:
             other = self._solver.solve(alternative.primal, alternative.dual, 1)
             seconds += sum(iteration.seconds for iteration in other.iterations)

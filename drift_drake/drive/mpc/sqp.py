@@ -36,7 +36,7 @@ class SqpOptions:
     short_step: float = 0.0  # share of the QP's step, after less than which none is made either
 
     @classmethod
-    def real_time(cls, iterations: int = 2, method: QpMethod = "stagewise") -> "SqpOptions":
+    def real_time(cls, iterations: int = 2, method: QpMethod = "stagewise", osqp_iterations: int = 30) -> "SqpOptions":
         """One Gauss-Newton iteration, and up to `iterations` where the dynamics' defect asks for more.
 
         The defect |f(x_k, u_k, u_{k+1}) - x_{k+1}| after a step says how far the linear model of the dynamics held over
@@ -53,7 +53,7 @@ class SqpOptions:
         return cls(
             max_iterations=iterations,
             tolerance=0.0,
-            qp=QpOptions(method, 1e-4, 30, polish=False, rho=1.0, feasible=True, interior_tolerance=1e-6),
+            qp=QpOptions(method, 1e-4, osqp_iterations, polish=False, rho=1.0, feasible=True, interior_tolerance=1e-6),
             gauss_newton=True,
             exact_merit=True,
             defect_tolerance=0.01,

@@ -76,6 +76,8 @@ def test_a_plan_that_has_not_converged_is_none(model: BayesianModel, info: Traje
 def test_the_recipe_has_a_weight_of_its_own() -> None:
     assert Recipe(as_in_paper=True).resolved().gathering.alpha == PAPER_ALPHA
     assert Recipe(as_in_paper=True, paper_alpha=4.0).resolved().gathering.alpha == 4.0
+    total = Recipe(as_in_paper=True, paper_objective="updated").resolved().gathering
+    assert total == dataclasses.replace(as_in_paper(GatheringConfig()), objective="updated", objective_later="updated")
     assert Recipe().resolved().gathering == GatheringConfig()
     with pytest.raises(InvalidOptionError, match=r"--gathering.alpha 3: .* give --paper-alpha 3"):
         Recipe(as_in_paper=True, gathering=GatheringConfig(alpha=3.0)).resolved()

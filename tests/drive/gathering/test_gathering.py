@@ -12,6 +12,7 @@ import pytest
 from diagrams.information_gathering import Options, main
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.car.single_track.motion import STATES
+from drift_drake.common.errors import InvalidOptionError
 from drift_drake.drive.gathering import plan as planning
 from drift_drake.drive.gathering.config import ENDS, GatheringConfig, Objective, lane_for_pictures, problem_data
 from drift_drake.drive.gathering.gather import gather, learn_drive
@@ -55,6 +56,20 @@ def test_the_problem_is_the_papers() -> None:
     assert data.x_ref.shape == (46, 6)
     np.testing.assert_array_equal(data.x_ref[-1], [0.0, 20.0, 0.0, 20.0, 0.0, 0.0])
     np.testing.assert_allclose(np.diff(data.x_ref[:, 1]), 12.5 / 45)
+
+
+def test_a_lane_is_narrowed_by_what_is_not_known_of_the_car(model: BayesianModel) -> None:
+    prior, slim = model.prior(), dataclasses.replace(CONFIG, half_width=0.7)  # 0.2 m to either side
+    known = prior._replace(covariance=1e-6 * prior.covariance, q=1e6 * prior.q)
+    free, narrow = (
+        plan_drive(model, prior, dataclasses.replace(slim, tightening=kappa), slim.alpha) for kappa in (0.0, 100.0)
+    )
+    assert np.abs(free.x[:, 4]).max() > 0.15
+    assert np.abs(narrow.x[:, 4]).max() < 0.5 * np.abs(free.x[:, 4]).max()
+    a, b = (plan_drive(model, known, dataclasses.replace(slim, tightening=kappa), 0.0) for kappa in (0.0, 1.0))
+    np.testing.assert_allclose(a.x, b.x, atol=0.02)
+    with pytest.raises(InvalidOptionError, match="tightening is 1; give 0 or more, and above 0 no replan"):
+        GatheringConfig(tightening=1.0, replan=0.5)
 
 
 def test_the_ocp_drives_straight_and_info_ocp_does_not(ocp: Trajectory, info: Trajectory) -> None:

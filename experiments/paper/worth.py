@@ -1,0 +1,94 @@
+"""What each of the things is worth that `--as-in-paper` turns off since the paper has not them: one at a time.
+
+    python -m experiments.paper.worth --vehicles 4
+
+The figure-8 under the paper's recipe, with one of them on (Twice-Info, and the adapting prior, which the gate needs),
+and with all. Broken off, it goes on where it was (give --out).
+"""
+
+import dataclasses
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+
+from diagrams.command import run_command
+from drift_drake.common.executors import ExecutorConfig
+from drift_drake.common.run_folder import make_run_folder, write_json, write_versions
+from drift_drake.common.safe_files import write_table
+from drift_drake.drive.gathering.config import Extra, GatheringConfig, as_in_paper
+from drift_drake.drive.manoeuvres.vehicles import Population
+from experiments.drifting.improvements import (
+    ImprovementsConfig,
+    Rung,
+    drive_ladder,
+    medians_table,
+    summarise_ladder,
+)
+from experiments.drifting.report import LABELS, differences_table, pair_of
+from experiments.drifting.runs import EXTRAS, Model
+from experiments.made import write_report
+
+WORDS: dict[Extra, str] = {
+    "screening": "the screen of measurements",
+    "gate": "the gate of the adapter's samples",
+    "fresh_guesses": "plans from fresh guesses",
+    "delay": "the prediction over the delay",
+    "safe_stop": "the safe stop",
+    "interior_point": "interior-point QPs",
+}
+MODELS: tuple[Model, ...] = ("online", "twice_info")
+
+
+@dataclasses.dataclass(frozen=True)
+class WorthConfig:
+    """Which vehicles."""
+
+    vehicles: int = 4
+    noise_seeds: int = 1
+    """Attempts of each vehicle."""
+    population: Population = "held_out"
+    vehicle_seed: int = 0
+    """Of the draw of the vehicles."""
+    run_on: Annotated[ExecutorConfig, tyro.conf.arg(name="")] = dataclasses.field(default_factory=ExecutorConfig)
+    out: Path | None = None
+
+
+def rungs() -> list[Rung]:
+    """The recipe, the recipe with one of them each, and with all of them."""
+
+    def rung(name: str, what: str, keep: tuple[Extra, ...]) -> Rung:
+        gathering = as_in_paper(GatheringConfig(), qp="stagewise" if "interior_point" in keep else "osqp")
+        models = MODELS[:1] if keep == ("gate",) else MODELS
+        return Rung(name, what, models, "paper", gathering, "euler", keep)
+
+    return [
+        rung("none", "as in the paper", ()),
+        *(rung(name, f"with {WORDS[name]}", (name,)) for name in EXTRAS),
+        rung("all", "with all of them", EXTRAS),
+    ]
+
+
+def main(config: WorthConfig) -> None:
+    """Runs what is missing, then writes numbers and the tables."""
+    folder = make_run_folder("worth", config.out)
+    write_versions(folder)
+    todo = rungs()
+    options = dataclasses.asdict(config) | {"run_on": config.run_on, "models": MODELS}
+    runs = drive_ladder(ImprovementsConfig(**options), todo, folder)
+    write_table(runs, folder / "runs.csv", index=False)
+    summary = summarise_ladder(runs)
+    write_json(folder / "numbers.json", summary)
+    parts = [medians_table(todo, summary)]
+    for model in MODELS:
+        of_model = runs[runs["model"] == model]
+        rows = [(one.what, *pair_of(of_model, "rung", one.name, "none")) for one in todo[1:] if model in one.models]
+        parts.append(f"{LABELS[model]}, each less the recipe:\n\n{differences_table(rows)}")
+    report = "\n\n".join(parts)
+    write_report(folder, report, config)
+    print(report)
+    print(f"results in {folder}")
+
+
+if __name__ == "__main__":
+    run_command(main, WorthConfig, __doc__)

@@ -1,12 +1,12 @@
 """What is usual of informative drives for the vehicles that a model was made for, and who would be refused.
 
     python -m experiments.gathering.lane_trust
-    python -m experiments.gathering.lane_trust --checkpoint runs/bayesian_model.npz --keep runs/lane_trust.json
+    python -m experiments.gathering.lane_trust --checkpoint runs/bayesian_model.npz --add-to runs/lane_trust.json
 
 The mean squared distance of the first drive's innovations, and how far off half a second ahead the car is that both
 drives identify (`gap.choose.choice`), give two limits on validation vehicles. Held-out, `wide` and `extreme`
 vehicles, held-out ones as a double-track car, and brush cars, whose equations the package has nothing of, are judged by
-them. Written: numbers.json, report.md, lane_trust.png. Broken off, it goes on where it was (give --out). With --keep,
+them. Written: numbers.json, report.md, lane_trust.png. Broken off, it goes on where it was (give --out). With --add-to,
 what is usual is added to a file, as the package's data/lane_trust.json holds it for the shipped models.
 """
 
@@ -55,7 +55,7 @@ class LaneTrust(Recipe):
     """Index of the first vehicle of each population."""
     vehicle_seed: int = 0
     """Of the draw of the vehicles."""
-    keep: Path | None = None
+    add_to: Path | None = None
     """File that what is usual is added to."""
     run_on: Annotated[ExecutorConfig, tyro.conf.arg(name="")] = dataclasses.field(default_factory=ExecutorConfig)
     out: Path | None = None
@@ -157,7 +157,7 @@ def main(config: LaneTrust) -> None:
     folder = make_run_folder("lane_trust", config.out)
     learnt = load_model(config.checkpoint)
     settings = dataclasses.asdict(config) | {"checkpoint": learnt.content_hash()}
-    keep_settings(folder, settings, ("vehicles", "first", "keep", "run_on", "out"))
+    keep_settings(folder, settings, ("vehicles", "first", "add_to", "run_on", "out"))
     write_versions(folder)
     found = judge(config, learnt, folder)
     surprise, error = usual_of(found)
@@ -169,8 +169,8 @@ def main(config: LaneTrust) -> None:
     write_json(folder / "numbers.json", numbers)
     write_report(folder, report(found, surprise, error), config)
     write_figure(draw(found, surprise, error), folder / "lane_trust.png")
-    if config.keep is not None:
-        keep_usual(learnt, error, surprise, config.keep)
+    if config.add_to is not None:
+        keep_usual(learnt, error, surprise, config.add_to)
     print(report(found, surprise, error))
     print(f"results in {folder}")
 

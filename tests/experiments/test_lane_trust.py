@@ -34,7 +34,7 @@ def test_groups_are_judged_by_what_is_usual_of_validation_vehicles(
 
     monkeypatch.setattr(lane_trust, "gather_all", gathered)
     keep = tmp_path / "kept.json"
-    main(LaneTrust(vehicles=12, out=tmp_path / "out", keep=keep))
+    main(LaneTrust(vehicles=12, out=tmp_path / "out", add_to=keep))
     assert [name for name, *_ in asked] == list(GROUPS)
     counts = {name: count for name, count, *_ in asked}
     assert (counts["wide"], counts["extreme"]) == (12, len(EXTREME))

@@ -75,8 +75,8 @@ VERSION ?= $(patsubst v%,%,$(shell git describe --tags --abbrev=0 2>/dev/null))
 # Commits to the local branch gh-pages; nothing is pushed. `mike serve` shows it.
 docs-version: .venv/installed-all
 	@test -n "$(VERSION)" || { echo "no tag names a version: make one (git tag v0.1.0), or give make docs-version VERSION=0.1.0"; exit 1; }
-	$(BIN)/mike deploy --update-aliases $(VERSION) latest
-	$(BIN)/mike set-default latest
+	PATH="$(abspath $(BIN)):$$PATH" mike deploy --update-aliases $(VERSION) latest  # which calls mkdocs by its name
+	PATH="$(abspath $(BIN)):$$PATH" mike set-default latest
 
 # Without figure_8, whose drives take hours.
 PICTURES := car_frames demo diagnosis drive_time_series effects_map framework gap layers loop predictions reliability replay report safe_stop still two_criteria

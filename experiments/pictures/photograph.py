@@ -16,7 +16,6 @@ BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "
 WIDTH, TALLEST = 430, 3200  # [px] of a phone's page
 FINE = 2  # pixels of the picture for one of the page, across and down
 MARGIN = 24  # pixels of the picture below its last line
-COLOURS = 256  # of the picture: a page has few, and thin lines keep theirs
 PATIENCE = 120.0  # [s]
 OPTIONS = ("--headless", "--no-sandbox", "--disable-gpu", "--enable-unsafe-swiftshader", "--hide-scrollbars",
            "--virtual-time-budget=8000", f"--force-device-scale-factor={FINE}")  # fmt: skip
@@ -68,7 +67,7 @@ def photograph(page: Path, out: Path, parts: Sequence[str] = (), script: str = "
             raise UnseenPageError(f"{page}: the browser fails: {shown(done.stderr.strip().splitlines()[-1:])}")
         with Image.open(taken) as image:
             part = trimmed(image.convert("RGB").crop((0, 0, FINE * WIDTH, FINE * height)))
-            part.quantize(COLOURS, Image.Quantize.MAXCOVERAGE).save(out, optimize=True)
+            part.save(out, optimize=True)
 
 
 def trimmed(image: Image.Image) -> Image.Image:

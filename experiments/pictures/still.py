@@ -17,11 +17,12 @@ from experiments.pictures.figure_8 import HELD_OUT
 MODELS: tuple[Model, ...] = ("twice_info", "nominal", "prior", "oracle")  # the first is drawn solid
 VEHICLE = 0  # of the held-out ones: the nominal car of the controller spins there
 FOLDER = Path("runs/still_picture")
+TIME = 20.8  # [s] since the start
 SIZE = (4.0, 2.5)  # [in]: its letters are readable where it is 390 px wide
 
 
 def draw(source: Path | None = None) -> Figure:
-    """The moment at which the first of the four drives ends.
+    """A moment at which the others have left the car behind that has spun.
 
     Args:
         source: a folder of `experiments.drifting.figure_8` with these models of this vehicle; without, the drives that
@@ -33,5 +34,4 @@ def draw(source: Path | None = None) -> Figure:
         )
     config = StillConfig(source or FOLDER, VEHICLE, MODELS)
     runs = read_runs(config)
-    time = min(float(run["t"].iloc[-1]) for run in runs.values())
-    return still(runs, time, reference("figure_8"), VehicleParameters(), config.distance, SIZE)
+    return still(runs, TIME, reference("figure_8"), VehicleParameters(), config.distance, SIZE)

@@ -81,6 +81,11 @@ def test_errors_are_named(door: Door) -> None:
     assert not missing, f"Raises: {', '.join(sorted(missing))}"
 
 
+@pytest.mark.parametrize("door", DOORS, ids=name_of)
+def test_a_shape_and_a_unit_are_no_link(door: Door) -> None:
+    assert "] [" not in door.text, "Markdown takes [N] [m] for a link; write [N] in m"
+
+
 @cache
 def lines(module: str) -> list[str]:
     path = ROOT.joinpath(*module.split("."))

@@ -157,7 +157,7 @@ class GatheringConfig(LaneDrive):
     # After informative drives, the lags of steering and torque are those of a bank that make the drives likeliest.
     learn_lags: bool = True  # of steering and torque, from informative drives
     tightening: float = 0.0
-    """Standard deviations of the predicted e by which a plan's lane is narrowed, by what is believed of the car before
+    """[-] Standard deviations of the predicted e by which a plan's lane is narrowed, by what is believed before
     the drive (`mpc.tightening`)."""
     path_step: PathStep = "trapezoid"  # Euler's would turn as the nominal car does: twice as far from the true car's
     only_converged: bool = False

@@ -200,7 +200,7 @@ def info_ocp(
     Args:
         model, belief: what the drive is planned to tell of; config: the lane, the objective and the limits.
         alpha: weight of the information [1/nat]; the config's without, 0 for the plain OCP.
-        lateral: line e(t) [N+1] [m] to drive instead of the lane's middle; along: path positions [N+1] [m] on a track.
+        lateral: line e(t) [N+1] in m to drive instead of the lane's middle; along: path positions [N+1] in m on tracks.
 
     Raises:
         InvalidCheckpointError: the objective is "drifts", and the model names none.

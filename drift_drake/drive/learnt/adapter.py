@@ -108,7 +108,7 @@ class BayesianAdapter(LeafSystem):
     ) -> None:  # fmt: skip
         """Args:
         model: its prior is the state that a default Context starts with; threshold: Mahalanobis distance [-];
-        offset_time: of the offset [s]; lags: of steering and torque [K, 2] [s]; the model's own without.
+        offset_time: of the offset [s]; lags: of steering and torque [K, 2] in s; the model's own without.
         """
         super().__init__()
         self.lags = np.array(model.lag[None] if lags is None else lags, dtype=float)

@@ -115,3 +115,26 @@ def test_a_browser_plays_it_under_its_policy(perfect_run, tmp_path):
     console = [line for line in done.stderr.splitlines() if "CONSOLE" in line]
     assert not [line for line in console if "Content Security" in line or "Error" in line]
     assert re.search(r'id="clock">[^<]*\d', done.stdout)  # its own script runs
+
+
+PLACES = """<script>setTimeout(() => {
+  const car = (0.5 - 0.5 * place(0).project(viewer.camera).y) * innerHeight;
+  parent.postMessage([car, document.getElementById("panel").getBoundingClientRect().top], "*");
+}, 4000)</script></body>"""
+FRAME = """<!doctype html><script>addEventListener("message", event => document.title = event.data.join(" "));</script>
+<iframe width="390" height="700" src="page.html"></iframe>"""
+
+
+@pytest.mark.slow
+@needs_browser
+def test_on_a_phone_the_car_is_in_the_middle_above_the_panel(perfect_run, tmp_path):
+    page = replay({"a": perfect_run.iloc[:200]}, tmp_path / "page.html", camera="follow")
+    text = re.sub(r'<meta http-equiv="Content-Security-Policy"[^>]*>', "", page.read_text(encoding="utf-8"))
+    page.write_text(text.replace("</body>", PLACES), encoding="utf-8")
+    (tmp_path / "frame.html").write_text(FRAME, encoding="utf-8")
+    options = ["--headless", "--no-sandbox", "--enable-unsafe-swiftshader", "--virtual-time-budget=8000", "--dump-dom"]
+    done = subprocess.run([BROWSER, *options, (tmp_path / "frame.html").as_uri()], capture_output=True, text=True,
+                          timeout=300, check=True)  # fmt: skip
+    car, panel = map(float, re.search(r"<title>(.*?)</title>", done.stdout)[1].split())
+    assert 300.0 < panel < 690.0
+    assert car == pytest.approx(0.5 * panel, abs=10.0)

@@ -199,7 +199,7 @@ def main(config: PageCommandsConfig) -> None:
     file = folder / "results.json"
     done: dict[str, Result] = {}
     if is_done(file):
-        done = {text: Result(*found) for text, found in json.loads(file.read_text()).items()}
+        done = {text: Result(**found) for text, found in json.loads(file.read_text()).items()}
     results: dict[str, list[tuple[Command, Result]]] = {}
     for command in _chosen(config):
         key = "\n".join([command.text, *command.shown])

@@ -1,5 +1,6 @@
 """The pages' `python -m` commands take their options, and those that do not do what a page says are found."""
 
+import dataclasses
 import functools
 import inspect
 import runpy
@@ -15,6 +16,7 @@ import diagrams.command
 from experiments.page_commands import (
     Command,
     PageCommandsConfig,
+    Result,
     commands_of,
     differs,
     judged,
@@ -107,6 +109,28 @@ def test_the_report_names_the_page() -> None:
     assert "| docs/page.md | 0 | 0 | 0 | 1 |" in text
     assert "- fails: docs/page.md: `python -m module`: exit code 2: no such option (0 s of 0 s)" in text
     assert "| all, each once: 1 | 0 | 0 | 0 | 1 |" in text
+
+
+def test_what_was_run_is_not_run_again_but_for_what_was_cut_off(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "clone").mkdir()
+    ran: list[str] = []
+
+    def running(command: Command, _: Path, seconds: float) -> Result:
+        ran.append(command.text)
+        return Result("cut off" if "layers" in command.text else "passes", "", seconds)
+
+    monkeypatch.setattr("experiments.page_commands.run", running)
+    config = PageCommandsConfig(pages=("docs/contributing.md",), matching="structure|layers", seconds=1.0, out=tmp_path)
+    for seconds in (1.0, 1.0, 2.0):
+        main(dataclasses.replace(config, seconds=seconds))
+    layers, structure = (
+        "python -m experiments.pictures layers",
+        "python -m experiments.structure --out docs/structure.png",
+    )
+    assert ran == [layers, structure, layers]
+    assert "| all, each once: 2 | 1 | 1 | 0 | 0 |" in capsys.readouterr().out
 
 
 @pytest.mark.slow

@@ -232,6 +232,16 @@ def test_a_clock_of_whole_seconds_is_too_coarse(tmp_path):
         import_recordings([tmp_path / "drive.csv"], content)
 
 
+@pytest.mark.parametrize("names", [
+    "timestamp,arbitration_id,extended,remote,error,dlc,data", "Time Stamp,ID,Extended,Dir,Bus,LEN,D1,D2",
+])  # fmt: skip
+def test_frames_in_a_table_are_refused(tmp_path, names):
+    rows = [",".join(f"{i + k}" for k in range(names.count(",") + 1)) for i in range(20)]
+    (tmp_path / "frames.csv").write_text("\n".join([names, *rows]) + "\n")
+    with pytest.raises(InvalidRecordingError, match="is a table of raw CAN frames, which is not read; save them as"):
+        look(tmp_path / "frames.csv")
+
+
 def test_signals_are_guessed_without_a_clock(tmp_path, capsys):
     cells = columns(NAMES["english"], ("deg/s", "km/h", "g", "deg"))
     cells.pop("time")

@@ -20,7 +20,7 @@ from drift_drake.gap.logs.importing.formats.topics import NeededError, Topic
 OF_FRAMES = (
     r"(can|arbitration|msg|message)?[ _]?id( \(hex\))?",
     r"dlc|len(gth)?",
-    r"data.*|d[01]|b[01]|byte ?[01]",
+    r"data( ?bytes)?( \(hex\))?|(data ?|d|b|byte ?)[01]",
 )  # columns
 PACKERS: dict[str, Callable[[Path], Any]] = {".gz": gzip.open, ".bz2": bz2.open, ".xz": lzma.open}
 BLANK = ["-", "--", "---", "n.a.", "n.v.", "k.A.", "SNA", "INVALID", "Invalid", "invalid", "*", "?", "nil", "No Data",

@@ -203,8 +203,12 @@ def test_clocks_side_by_side_that_run_apart(tmp_path):
         values = [*texts(exact[key][::number]), *[""] * (COUNT - len(exact["t"][::number]))]
         cells |= {f"Time_{number}": part, NAMES["english"][number]: values}
     (tmp_path / "drive.csv").write_text(table(cells))
-    assert len(look(tmp_path / "drive.csv").mapping["clocks"]) == 4
+    found = look(tmp_path / "drive.csv").mapping
+    assert len(found["clocks"]) == 4
     assert_the_drive(tmp_path / "drive.csv")
+    (run,), _ = import_recordings([tmp_path / "drive.csv"], mapping_from_dict(found))
+    for key in SIGNALS:
+        np.testing.assert_allclose(run.column(key), np.interp(run.t, exact["t"], exact[key]), atol=3e-2, err_msg=key)
     timed = {"time": texts(exact["t"]), "yaw rate": texts(exact["r"]), "lap time": texts(exact["t"] % 7.0)}
     timed |= {"speed": texts(exact["v"]), "road wheel angle": texts(exact["delta_cmd"])}
     (tmp_path / "laps.csv").write_text(table(timed))

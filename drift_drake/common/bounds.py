@@ -16,6 +16,9 @@ LARGEST_TEXT = 100 * PIECE  # bytes, unpacked, that are read without further car
 MOST_COLUMNS = 10_000  # of a table that is
 MOST_NUMBERS = 50_000_000  # in a file, and one more for each of its bytes: five hours of 28 columns at 100 Hz
 BYTES_OF_NUMBER = 8
+BINARY = (b"LOGG", b"MDF ", b"UnFinMF", b"ULog", b"MATLAB", b"<hCNF", b"#ROSBAG")  # formats that begin with letters
+CONTROL = bytes([0, 1, 2, 3, 4, 5, 6, 14, 15, 16, 17, 18, 19])
+ODD = 0.3  # share of letters beyond ASCII in a text that is not UTF-8
 UTF_16 = (b"\xff\xfe", b"\xfe\xff")
 GZIP, PARQUET, HDF5, ZIP, BZIP2, XZ = b"\x1f\x8b", b"PAR1", b"\x89HDF\r\n\x1a\n", b"PK\x03\x04", b"BZh", b"\xfd7zXZ"
 STREAMS: dict[bytes, Callable[[Path], IO[bytes]]] = {GZIP: gzip.open, BZIP2: bz2.open, XZ: lzma.open}  # type: ignore[dict-item]
@@ -31,13 +34,20 @@ def is_small_text(path: Path) -> bool:
             packed = file.read(len(GZIP)) == GZIP
         with STREAMS[GZIP](path) if packed else path.open("rb") as stream:
             first = stream.read(PIECE)
-            if b"\0" in first[:4096] and not first.startswith(UTF_16):
+            if not first.startswith(UTF_16) and _is_binary(first[:4096]):
                 return False
             if not packed or len(first) < PIECE:
                 return _narrow(first)
             return _narrow(first) and _unpacked(stream, LARGEST_TEXT - PIECE) <= LARGEST_TEXT - PIECE
     except (OSError, ValueError, EOFError, zlib.error):
         return True  # there is none, or it is cut: the reader says so
+
+
+def _is_binary(first: bytes) -> bool:
+    """Whether first bytes are no text's: they have a binary format's mark, signs of control, or mostly odd letters."""
+    if first.startswith(BINARY) or any(byte in first for byte in CONTROL):
+        return True
+    return sum(byte > 0x7F for byte in first) > ODD * len(first) and first.decode("utf-8", "ignore").encode() != first
 
 
 def check_claims(path: Path) -> None:

@@ -19,6 +19,7 @@ from drift_drake.common.interruption import ctrl_c_waits
 SECONDS = 30  # of processor time that a trial may take, compilation included
 RESTS = 120.0  # [s] on the clock
 TRYING = "DRIFT_DRAKE_TRYING"  # in the environment of a trial, which begins no further one
+TRIED = "DRIFT_DRAKE_TRIED"  # of processes that this one starts
 ENDED, REFUSED = "all end", "refused: "
 PROGRAM = "import sys; sys.path[:] = {path!r}; from drift_drake.car.effects.trial import trial; trial({function!r})"
 
@@ -36,7 +37,7 @@ def see_that_they_end(points: Mapping[str, EntryPoint], function: str) -> None:
     if not points or TRYING in os.environ:
         return
     mark = extensions_folder() / f"tried-{_digest(points)}"
-    if mark.is_file():
+    if mark.is_file() or os.environ.get(TRIED) == mark.name:
         return
     program = PROGRAM.format(path=[entry or os.getcwd() for entry in sys.path], function=function)
     with ctrl_c_waits():
@@ -65,6 +66,7 @@ def see_that_they_end(points: Mapping[str, EntryPoint], function: str) -> None:
             f"{where}: {how} when it is imported or its functions are called; let them end in every state of the car, "
             "or uninstall it"
         )
+    os.environ[TRIED] = mark.name  # for workers, where nothing can be kept
     with suppress(OSError):
         mark.parent.mkdir(parents=True, exist_ok=True)
         mark.touch()

@@ -92,6 +92,13 @@ def test_text_of_moderate_size_is_read_here(tmp_path: Path) -> None:
     (tmp_path / "line.csv").write_text("," * (3 << 20))
     (tmp_path / "other.csv").write_bytes(b"MDF     4.10    \0\0")
     assert not any(is_small_text(tmp_path / name) for name in ("wide.csv", "line.csv", "other.csv"))
+    (tmp_path / "umlauts.csv").write_bytes("t,Gierrate [°/s],größe\n".encode("cp1252"))
+    (tmp_path / "japanese.csv").write_text("時間,速度,角度\n" * 100, encoding="utf-8")
+    assert all(is_small_text(tmp_path / name) for name in ("umlauts.csv", "japanese.csv"))
+    # Of letters and odd bytes alone, whose lengths claim gigabytes.
+    for content in (b"LOGGxxxxxxxx" * 20, b"\xff" * 300, b"a,b\n\x01\x02"):
+        (tmp_path / "binary.blf").write_bytes(content)
+        assert not is_small_text(tmp_path / "binary.blf")
 
 
 def bombs(folder: Path) -> list[Path]:

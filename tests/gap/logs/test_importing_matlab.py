@@ -8,6 +8,7 @@ import pytest
 
 from drift_drake.gap.logs.importing.formats.files import InvalidRecordingError, read_topics
 from drift_drake.gap.logs.importing.formats.matlab import read_mat
+from drift_drake.gap.logs.importing.look import look
 
 pytest.importorskip("pymatreader", reason="MATLAB files are an extra: pip install 'drift_drake[matlab]'")
 INPUTS = Path(__file__).parents[4] / "shared" / "inputs" / "09_mat_of_simulink"
@@ -67,6 +68,18 @@ def test_a_timeseries_as_a_structure_and_elements_of_a_data_set(tmp_path):
     np.testing.assert_allclose(topics["series"].table["ts"], -T)
     assert topics["series"].clock == "ts.Time"
     np.testing.assert_allclose(topics["logsout"].table["logsout.speed"], 2.0 * T)
+
+
+@pytest.mark.parametrize("timed", [True, False])
+def test_an_array_of_channels_goes_by_their_names(tmp_path, timed):
+    kind = [(name, object) for name in ("name", "data", "unit", *(["time"] if timed else []))]
+    channels, t = np.zeros(2, dtype=kind), 0.01 * np.arange(100)
+    for number, (name, unit) in enumerate((("YawRate", "deg/s"), ("VehicleSpeed", "km/h"))):
+        channels[number] = (name, (number + np.sin(t))[:, None], unit, *([t[:, None]] if timed else []))
+    written(tmp_path, log=channels, **({} if timed else {"t": t}))
+    signals = look(tmp_path / "a.mat").mapping["signals"]
+    assert (signals["r"]["unit"], signals["v"]["unit"]) == ("deg/s", "km/h")
+    assert "YawRate" in signals["r"]["column"]
 
 
 def test_pairs_of_times_and_values_and_paths_that_are_none(tmp_path):

@@ -203,7 +203,10 @@ def test_candump_as_it_is_shown_and_a_log_that_breaks_off(tmp_path, database, ca
     with pytest.raises(InvalidRecordingError, match="frames without times; record them with candump -l"):
         read_topics(tmp_path / "untimed.log", [database[0]])
     (tmp_path / "other.dbc").write_text(DBC.replace("BO_ 256", "BO_ 257").replace("VAL_ 256", "VAL_ 257"))
-    with pytest.raises(InvalidRecordingError, match=r"none of its CAN frames is in other.dbc; it holds .* 0x100"):
+    with pytest.raises(
+        InvalidRecordingError,
+        match=r"none of its CAN frames is in other.dbc; it holds .* 0x100.*: give --dbc the database",
+    ):
         read_topics(tmp_path / "shown.txt", [tmp_path / "other.dbc"])
     (tmp_path / "broken.dbc").write_text("no database")
     with pytest.raises(InvalidRecordingError, match=r"broken.dbc is no CAN database that can be read"):

@@ -5,7 +5,12 @@ import pandas as pd
 import pytest
 
 from drift_drake.gap.logs.importing.mapping import mapping_from_dict
-from drift_drake.gap.logs.importing.recording import InvalidRecordingError, read_recording, regular_times
+from drift_drake.gap.logs.importing.recording import (
+    InvalidRecordingError,
+    read_recording,
+    regular_times,
+    topics_of,
+)
 
 
 def mapping(**signals):
@@ -70,6 +75,16 @@ def test_headings_are_unwrapped_in_their_own_unit(tmp_path, low):
     signal = {"column": "yaw_angle", "unit": "deg", "frame": "ned", "offset": 0.5}
     psi = read_recording(written(tmp_path, data), mapping(psi=signal)).clocks["fast"].signals["psi"]
     np.testing.assert_allclose(psi - psi[0], -np.radians(true), atol=1e-12)
+
+
+@pytest.mark.parametrize("dated", [True, False])
+def test_an_index_without_a_name_has_the_times(tmp_path, dated):
+    pytest.importorskip("pyarrow", reason="Parquet is an extra: pip install 'drift_drake[parquet]'")
+    t = 0.01 * np.arange(300)
+    index = pd.to_datetime(1.7e9 + t, unit="s") if dated else pd.Index(t)
+    pd.DataFrame({"speed": 10.0 + t, "yaw_rate": t}, index=index).to_parquet(tmp_path / "one.parquet")
+    (topic,) = topics_of(tmp_path / "one.parquet")
+    np.testing.assert_allclose(topic.table["time"] - topic.table["time"][0], t, atol=1e-6)
 
 
 def test_parquet_reads_as_csv_does(tmp_path):

@@ -203,8 +203,12 @@ def test_clocks_side_by_side_that_run_apart(tmp_path):
         values = [*texts(exact[key][::number]), *[""] * (COUNT - len(exact["t"][::number]))]
         cells |= {f"Time_{number}": part, NAMES["english"][number]: values}
     (tmp_path / "drive.csv").write_text(table(cells))
-    assert len(look(tmp_path / "drive.csv").mapping["clocks"]) == 4
+    found = look(tmp_path / "drive.csv").mapping
+    assert len(found["clocks"]) == 4
     assert_the_drive(tmp_path / "drive.csv")
+    (run,), _ = import_recordings([tmp_path / "drive.csv"], mapping_from_dict(found))
+    for key in SIGNALS:
+        np.testing.assert_allclose(run.column(key), np.interp(run.t, exact["t"], exact[key]), atol=3e-2, err_msg=key)
     timed = {"time": texts(exact["t"]), "yaw rate": texts(exact["r"]), "lap time": texts(exact["t"] % 7.0)}
     timed |= {"speed": texts(exact["v"]), "road wheel angle": texts(exact["delta_cmd"])}
     (tmp_path / "laps.csv").write_text(table(timed))
@@ -230,6 +234,16 @@ def test_a_clock_of_whole_seconds_is_too_coarse(tmp_path):
         InvalidRecordingError, match=r"the clock 'time' ticks each 1 s, and a log needs readings each 0\.2 s"
     ):
         import_recordings([tmp_path / "drive.csv"], content)
+
+
+@pytest.mark.parametrize("names", [
+    "timestamp,arbitration_id,extended,remote,error,dlc,data", "Time Stamp,ID,Extended,Dir,Bus,LEN,D1,D2",
+])  # fmt: skip
+def test_frames_in_a_table_are_refused(tmp_path, names):
+    rows = [",".join(f"{i + k}" for k in range(names.count(",") + 1)) for i in range(20)]
+    (tmp_path / "frames.csv").write_text("\n".join([names, *rows]) + "\n")
+    with pytest.raises(InvalidRecordingError, match="is a table of raw CAN frames, which is not read; save them as"):
+        look(tmp_path / "frames.csv")
 
 
 def test_signals_are_guessed_without_a_clock(tmp_path, capsys):

@@ -23,6 +23,7 @@ RADII, LARGE = (0.015, 0.6), 0.15  # [m] of wheels, from the smallest models on,
 FAST = 4.0  # [m/s]
 WHEELBASES = (0.1, 8.0)  # [m] of vehicles; times the steering ratio, 10 to 20, of the steering wheel's angle
 BEYOND = {"speed": 150.0, "angular rate": 50.0, "acceleration": 100.0}  # [SI] no vehicle's middle reading is
+SAME_WAY = 0.1  # [rad] between the heading and the course of a car that does not slide
 ROLLS = math.log(1.06)  # of a wheel's speed to the car's, over most of a drive
 
 
@@ -116,6 +117,19 @@ def travelled(north: Trace, east: Trace, degrees: bool) -> Trace:
         along = dataclasses.replace(along, values=size * along.values)
         across = dataclasses.replace(across, values=size * narrow * across.values)
     return Trace(along.t, np.hypot(along.values, np.interp(along.t, across.t, across.values)), "m/s")
+
+
+def is_course(heading: Trace, t: Array, north: Array, east: Array) -> bool:
+    """Whether a heading from north to the east is the direction in which a latitude and longitude [deg] move."""
+    away = derivative(Trace(t, north, None)), derivative(Trace(t, east, None))
+    if len(away[0].t) != len(away[1].t) or not len(away[0].t):
+        return False
+    narrow = np.cos(np.radians(np.nanmedian(north)))
+    seen = np.isfinite(heading.values) & np.isfinite(heading.t)
+    degrees = heading.unit == "deg" or (heading.unit is None and np.ptp(heading.values[seen]) > 7.0)
+    angle = np.unwrap(np.radians(heading.values[seen]) if degrees else heading.values[seen])
+    off = np.interp(away[0].t, heading.t[seen], angle) - np.arctan2(narrow * away[1].values, away[0].values)
+    return bool(np.median(np.abs(np.angle(np.exp(1j * off)))) < SAME_WAY)
 
 
 def units_by_motion(signals: Mapping[str, Trace], speed: Trace | None = None) -> dict[str, str]:

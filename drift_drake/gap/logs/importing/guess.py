@@ -25,6 +25,7 @@ from drift_drake.gap.logs.importing.evidence import (
     Trace,
     better,
     derivative,
+    is_course,
     is_raw,
     likeness,
     ratio,
@@ -51,7 +52,7 @@ COMMANDED = ("delta_cmd", "tau_cmd")
 FEW = 100  # readings that are looked at first
 METRES = 1.11e5  # of a degree
 FASTEST = 150.0  # [m/s] of a vehicle whose latitude and longitude these may be
-SAME_WAY = 0.1  # [rad] between the heading and the course of a car that does not slide
+TOGETHER = 0.1  # of a recording, within which clocks of one epoch have their first readings
 RADIUS = 0.3  # [m] of a wheel, where nothing tells it
 
 
@@ -85,6 +86,9 @@ def guessed_mapping(topics: Sequence[Topic]) -> Guess:
     notes += _choices_said(found, choices)
     units, said = _units(found, signals, ordered)
     entries, of_column = _clock_entries(found, clocks, rates)
+    beside = [name for name, clock in clocks.items() if name == clock]  # of one table: see `by_clock`
+    if len(beside) > 1 and _began_together([times[name] for name in beside]):
+        entries = {name: entry | {"epoch": "shared"} for name, entry in entries.items()}
     if len(set(of_column.values())) > len({topic.name for topic, *_ in found.values()}):
         said.append("Columns are read in rows of their own: each such group has a clock of its own, of the same times.")
     lines: dict[str, Any] = {}
@@ -194,7 +198,7 @@ def _one_position(found: dict[str, ColumnChoice], signals: _Traces) -> tuple[dic
         speed = np.median(steps[moved] / lasting[moved]) if moved.any() else 0.0
         if speed < FASTEST:
             kept = {key: c for key, c in found.items() if key not in ("x", "y")}
-            if "psi" in kept and not {"r", "course"} & set(kept) and _is_course(signals(kept["psi"]), t, north, east):
+            if "psi" in kept and not {"r", "course"} & set(kept) and is_course(signals(kept["psi"]), t, north, east):
                 kept["course"] = kept.pop("psi")
                 notes.append(f"{kept['course'].column} is the way's direction: it is taken for the course.")
             return kept, notes
@@ -203,19 +207,6 @@ def _one_position(found: dict[str, ColumnChoice], signals: _Traces) -> tuple[dic
             "degrees and minutes in one number (ddmm.mmm), or parts of a degree, and import them as degrees."
         )
     return {key: c for key, c in found.items() if key not in ("latitude", "longitude")}, notes
-
-
-def _is_course(heading: Trace, t: np.ndarray, north: np.ndarray, east: np.ndarray) -> bool:
-    """Whether a heading from north to the east is the direction in which a latitude and longitude [deg] move."""
-    away = derivative(Trace(t, north, None)), derivative(Trace(t, east, None))
-    if len(away[0].t) != len(away[1].t) or not len(away[0].t):
-        return False
-    narrow = np.cos(np.radians(np.nanmedian(north)))
-    seen = np.isfinite(heading.values) & np.isfinite(heading.t)
-    degrees = heading.unit == "deg" or (heading.unit is None and np.ptp(heading.values[seen]) > 7.0)
-    angle = np.unwrap(np.radians(heading.values[seen]) if degrees else heading.values[seen])
-    off = np.interp(away[0].t, heading.t[seen], angle) - np.arctan2(narrow * away[1].values, away[0].values)
-    return bool(np.median(np.abs(np.angle(np.exp(1j * off)))) < SAME_WAY)
 
 
 def _choices_said(found: Mapping[str, ColumnChoice], choices: Mapping[str, list[ColumnChoice]]) -> list[str]:
@@ -299,6 +290,13 @@ def _speed_of_position(found: Mapping[str, ColumnChoice], signals: _Traces, topi
             if np.nanmax(np.abs(north.values), initial=0.0) <= 90.0:
                 return travelled(north, east, degrees=True)
     return None
+
+
+def _began_together(times: Sequence[np.ndarray]) -> bool:
+    """Whether clocks count from the same moment: their first readings are near, relative to how long they run."""
+    seen = [t[np.isfinite(t)] for t in times]
+    firsts = [t[0] for t in seen if len(t)]
+    return bool(firsts) and np.ptp(firsts) < TOGETHER * max(np.ptp(t) for t in seen if len(t))
 
 
 def _clock_entries(

@@ -5,8 +5,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from drift_drake.car.log.table import Run
+from drift_drake.gap.logs.noise import step
 
-ALIKE = 1e-3  # of a column's range that rounding may move a reading by
+ALIKE, COARSEST = 1e-3, 0.02  # of a column's range that rounding may move a reading by, at least and at most
+ROUNDED = 0.6  # of a step of the coarser numbers, that rounding may
 COMPARED = ("r", "v", "delta_cmd", "omega_r", "ay", "beta")
 LEAST = 0.02  # [1] of speed and [rad/s] that a run has to vary by, to be distinguished from another that does nothing
 
@@ -37,7 +39,9 @@ def is_part(one: Run, other: Run) -> bool:
     b = np.stack([np.asarray(other.column(name)) for name in names])
     if a.shape[1] > b.shape[1] or max(np.ptp(a[0]), np.ptp(a[1])) < LEAST:
         return False
-    close = ALIKE * np.maximum(np.ptp(b, axis=1), 1e-9)
+    close = np.maximum(np.ptp(b, axis=1), 1e-9)
+    rounding = np.array([max(step(one), step(other)) for one, other in zip(a, b, strict=True)])
+    close *= np.clip(ROUNDED * rounding / close, ALIKE, COARSEST)
     middle = a.shape[1] // 2
     last = b.shape[1] - a.shape[1]
     at = b[:, middle : middle + last + 1]

@@ -22,7 +22,8 @@ def test_copies_are_counted_once_and_named(log):
 
 
 def test_a_part_that_is_rounded_is_a_copy_too(log):
-    part = dataclasses.replace(log.rows(300, 900), name="part", r=np.round(log.r[300:900], 4))
+    part = dataclasses.replace(log.rows(300, 900), name="part", r=np.round(log.r[300:900], 4),
+                               beta=np.round(log.beta[300:900], 4))  # fmt: skip
     kept, (sentence,) = without_repeated([part, log])
     assert kept == [log]
     assert sentence == "part is rows of run_0 once more: counted once"

@@ -82,9 +82,11 @@ def topics_of_frames(frames: Iterable[Frame], databases: Sequence[Path]) -> list
         left_out["the end of the file"] = f"damaged ({(str(error) or type(error).__name__).splitlines()[0]})"
     if not rows:
         seen = ", ".join(f"0x{name:X}" for name in list(unknown)[:SHOWN])
-        raise ValueError(
-            f"none of its CAN frames is in {' or '.join(path.name for path in databases)}"
-            + (f"; it holds the identifiers {seen}{', ...' if len(unknown) > SHOWN else ''}" if seen else "")
+        if not seen:
+            raise ValueError("it holds no data frames")
+        raise NeededError(
+            f"none of its CAN frames is in {' or '.join(path.name for path in databases)}; it holds the identifiers "
+            f"{seen}{', ...' if len(unknown) > SHOWN else ''}: give --dbc the database of this car's bus"
         )
     left_out |= {f"0x{name:X}": f"{count} frames, not in the database" for name, count in unknown.items()}
     by_name = {message.name: message for message in messages.values()}

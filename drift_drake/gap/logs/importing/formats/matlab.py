@@ -32,6 +32,8 @@ NO_TIMES = (
 )  # pairs by such names are no series
 STEADY = 3.0  # steps of a pair's clock differ from their median by at most this factor
 HDF5_VERSION = (b"\x00\x02", b"\x02\x00")  # in the header of a file of 7.3
+CHANNELS = {"name": ("name", "label", "channel"), "data": ("data", "values", "value", "samples"),
+            "time": ("time", "times", "t"), "unit": ("unit", "units")}  # fmt: skip
 TOUT = "tout"  # Simulink's vector of times
 
 
@@ -150,6 +152,7 @@ def _of_table(name: str, table: pd.DataFrame) -> Topic:
 def _without_series(name: str, value: Any, found: list[Series]) -> Any:
     """What is left of nested content once its series are taken out, which are added to `found`."""
     if isinstance(value, Mapping):
+        value = _channels(value) or value
         series = _series(name, value)
         if series is not None:
             found.append(series)
@@ -171,6 +174,23 @@ def _without_series(name: str, value: Any, found: list[Series]) -> Any:
         found.append(series)
         return {}
     return value
+
+
+def _channels(value: Mapping[str, Any]) -> dict[str, Any] | None:
+    """An array of structures with names and values, as a structure by these names; None of any other."""
+    parts = {role: next((value[key] for key in value if str(key).lower() in words), None)
+             for role, words in CHANNELS.items()}  # fmt: skip
+    names, data = parts["name"], parts["data"]
+    if not isinstance(names, list) or not all(isinstance(name, str) and name for name in names) or data is None:
+        return None
+    if len(set(names)) < len(names) or len(data) != len(names):
+        return None
+    units = parts["unit"] if isinstance(parts["unit"], list) else [""] * len(names)
+    called = [f"{name} [{unit}]" if isinstance(unit, str) and unit else name
+              for name, unit in zip(names, units, strict=False)]  # fmt: skip
+    if parts["time"] is None or len(parts["time"]) != len(names):
+        return dict(zip(called, data, strict=True))
+    return {key: {"data": part, "time": t} for key, part, t in zip(called, data, parts["time"], strict=True)}
 
 
 def _series(name: str, value: Mapping[str, Any]) -> Series | None:

@@ -3,6 +3,7 @@
 import bz2
 import gzip
 import lzma
+import re
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
@@ -14,8 +15,13 @@ from pandas.api.types import is_numeric_dtype
 from drift_drake.gap.logs.importing.formats.layout import BLANKS, DECIMAL_COMMA, HEAD, OTHERWISE, Layout, layout_of
 from drift_drake.gap.logs.importing.formats.long_tables import as_wide
 from drift_drake.gap.logs.importing.formats.times import with_times
-from drift_drake.gap.logs.importing.formats.topics import Topic
+from drift_drake.gap.logs.importing.formats.topics import NeededError, Topic
 
+OF_FRAMES = (
+    r"(can|arbitration|msg|message)?[ _]?id( \(hex\))?",
+    r"dlc|len(gth)?",
+    r"data( ?bytes)?( \(hex\))?|(data ?|d|b|byte ?)[01]",
+)  # columns
 PACKERS: dict[str, Callable[[Path], Any]] = {".gz": gzip.open, ".bz2": bz2.open, ".xz": lzma.open}
 BLANK = ["-", "--", "---", "n.a.", "n.v.", "k.A.", "SNA", "INVALID", "Invalid", "invalid", "*", "?", "nil", "No Data",
          "NoData", "#VALUE!", "#DIV/0!", "#REF!", "#NUM!", "[]"]  # fmt: skip
@@ -51,6 +57,8 @@ def topic_of_table(table: pd.DataFrame, names: Sequence[str], units: Sequence[st
     that are no numbers become seconds."""
     if len(names) != len(table.columns):  # rows that are longer than their header
         names = [str(name).strip() for name in table.columns]
+    if all(any(re.fullmatch(words, name, re.IGNORECASE) for name in names) for words in OF_FRAMES):
+        raise NeededError("is a table of raw CAN frames, which is not read; save them as candump's .log, .asc or .blf")
     unique = [name if names.count(name) == 1 else f"{name} (column {number})" for number, name in enumerate(names, 1)]
     table.columns = pd.Index(unique)
     table, times = with_times(table)

@@ -24,7 +24,7 @@ from experiments.settings import keep_settings
 
 RULES = (
     "Each figure is over the vehicles that were run, a simulated car each, with 95 % intervals by vehicle. A claim "
-    f"*holds* where the whole interval does: a share of at least {RELIABLE:.0%}, a difference above 0, a ratio above 1 "
+    f"*holds* where the whole interval does: a share above {RELIABLE:.0%}, a difference above 0, a ratio above 1 "
     "(in the rows of the abstract's claim (ii), fewer runs completed or an RMS error above "
     f"{MARGIN:g} times Twice-Info's). It *does not hold* where no part of the interval does. It is *not shown* "
     f"otherwise, and by fewer than {FEWEST} vehicles. A run that was not completed is infinitely far off. No verdict "

@@ -1,6 +1,8 @@
 """What is run: the experiments that the paper's claims rest on, under its recipe and as shipped, each in its folder."""
 
 import dataclasses
+import json
+import os
 import time
 from collections.abc import Callable
 from functools import partial
@@ -10,7 +12,7 @@ from typing import Annotated, Any, Literal, get_args
 import tyro
 
 from drift_drake.common.executors import ExecutorConfig
-from drift_drake.common.run_folder import write_json
+from drift_drake.common.run_folder import is_done, write_json
 from drift_drake.drive.gathering.config import Recipe
 from drift_drake.drive.manoeuvres.vehicles import Population
 from experiments.drifting import figure_8, improvements, loops
@@ -110,10 +112,12 @@ def run_parts(config: PaperConfig, folder: Path) -> None:
     if config.rebuild:
         rebuild(config, folder)
     todo, began = tasks(config, folder), time.monotonic()
-    seconds: dict[str, float] = {}
+    file = folder / "parts.json"
+    done = json.loads(file.read_text()) if is_done(file) else {}
     for number, (name, task) in enumerate(todo.items(), 1):
         print(f"part {number} of {len(todo)}: {name}, {(time.monotonic() - began) / 60.0:.0f} min so far", flush=True)
         start = time.monotonic()
         task()
-        seconds[name] = time.monotonic() - start
-    write_json(folder / "seconds.json", seconds)
+        load = os.getloadavg()[2] / (os.cpu_count() or 1)
+        done[name] = {"seconds": time.monotonic() - start, "load of a core": load}
+        write_json(file, done)

@@ -1,6 +1,6 @@
 """What data say of a claim: a sentence of figures with 95 % intervals by vehicle, and a verdict by a rule.
 
-A share: at least `RELIABLE`. A difference or a ratio of pairs of the same attempts: above 0, or above 1. The claim
+A share: above `RELIABLE`. A difference or a ratio of pairs of the same attempts: above 0, or above 1. The claim
 holds where the whole interval does, does not where no part of it does, and is not shown otherwise, nor from fewer than
 `FEWEST` vehicles, of which no sign test could say more.
 """
@@ -31,10 +31,10 @@ NOTHING = Cell("-", "not run")
 
 
 def verdict(low: float, high: float, bar: float, vehicles: int) -> Verdict:
-    """By an interval, of a figure that is to be at or above a bar (strictly, where the interval is one point)."""
-    if vehicles < FEWEST or np.isnan(low + high) or low == high == bar:
+    """By an interval, of a figure that is to be above a bar."""
+    if vehicles < FEWEST:
         return "not shown"
-    return "holds" if low >= bar else "does not hold" if high < bar else "not shown"
+    return "holds" if low > bar else "does not hold" if high < bar else "not shown"
 
 
 def turned(cell: Cell) -> Cell:
@@ -58,9 +58,8 @@ def more(first: pd.DataFrame, second: pd.DataFrame, flag: str) -> Cell:
         return NOTHING
     difference, low, high = share_difference(first, second, flag)
     counts = f"{int(first[flag].sum())} against {int(second[flag].sum())} of {len(first)}"
-    found = verdict(low, high, 0.0, first["vehicle"].nunique())
-    found = "not shown" if found == "holds" and low == 0.0 else found
-    return Cell(f"{counts}: {difference:+.0%} ({low:+.0%} to {high:+.0%})", found)
+    text = f"{counts}: {difference:+.0%} ({low:+.0%} to {high:+.0%})"
+    return Cell(text, verdict(low, high, 0.0, first["vehicle"].nunique()))
 
 
 def ratio(
@@ -99,7 +98,8 @@ def falls_short(one: pd.DataFrame, other: pd.DataFrame) -> Cell:
         answer: Verdict = "holds"
     else:
         answer = "does not hold" if error.verdict == "does not hold" else "not shown"
-    return Cell(f"completed {completed.text.split(':')[0]}; RMS e {error.text}", answer)
+    counts = f"{int(one['completed'].sum())} against {int(other['completed'].sum())} of {len(one)}"
+    return Cell(f"completed {counts}; RMS e {error.text}", answer)
 
 
 def _middle(values: np.ndarray) -> float:

@@ -1,0 +1,139 @@
+"""Logs: recordings, what they hold, and the day that each belongs to."""
+
+import json
+from importlib import resources
+from typing import Any
+
+from nicegui import ui
+
+from drift_drake.app import stages
+from drift_drake.app.jobs import Jobs
+from drift_drake.app.pages.figures import thumbnail
+from drift_drake.app.pages.parts import box, choice, field, later, quietly, section, tick, text
+from drift_drake.app.project import Project
+from drift_drake.app.readings import Readings, Summary
+
+NEW = "a new day ..."
+FORMATS = (
+    "CSV and other text tables, Parquet, MCAP, ROS bags, MDF, MATLAB .mat, .npz, HDF5, VBOX .vbo, AiM .xrk, PX4 .ulg; "
+    "at most 1 GB each (put larger ones into the folder yourself)"
+)
+
+
+def logs_page(project: Project, readings: Readings, jobs: Jobs, data: dict[str, Any]) -> None:
+    """The page's content."""
+    script = (resources.files("drift_drake.app.pages") / "upload.js").read_text()
+    ui.add_body_html(f"<script>{script}</script>")
+    with section("Add recordings"):
+        with box("div", "drop"):
+            text("p", "Drop files here, or choose them:")
+            box("input_", type="file", multiple="multiple", id="recordings", aria_label="Choose recordings")
+            text("p", FORMATS, "note")
+        box("div", id="uploads", role="status")
+    names, days = project.recordings(), project.days(data)
+    with section("Recordings"):
+        if not names:
+            text("p", "None yet.", "note")
+        for name in names:
+            _recording(project, readings, name, data, list(days))
+    with section("Days"):
+        text("p", "A day is what was driven without a change to the car. Calibrate on a day when the car was as it "
+             "should be; the others are compared with it.", "note")  # fmt: skip
+        if not days:
+            text("p", "None yet: give a recording a day.", "note")
+        for day, recordings in days.items():
+            _day(project, day, recordings, data)
+    text("p", "Next: Columns.", "note")
+
+
+def _recording(project: Project, readings: Readings, name: str, data: dict[str, Any], days: list[str]) -> None:
+    chosen = str(data["recordings"].get(name) or "")
+    options = {"": "not used", **{day: day for day in dict.fromkeys([*days, *([chosen] if chosen else [])])}, NEW: NEW}
+    with box("article", "part", aria_label=name, draggable="true") as card:
+        card.on("dragstart", js_handler=f"(e) => e.dataTransfer.setData('text/plain', {_quoted(name)})")
+        text("h3", name)
+        place = box("div")
+
+        def picked(day: str) -> None:
+            if day == NEW:
+                with place:
+                    field("Name of the new day", "", lambda new: assign(project, name, new), kind="text", maxlength="40")
+                return
+            assign(project, name, day)
+
+        with place:
+            choice(f"Day of {name}", options, chosen, picked)
+        about = box("div")
+        with about:
+            text("p", "is being read ...", "note")
+
+    async def shown() -> None:
+        summary = await quietly(readings.summary, name)
+        about.clear()
+        with about:
+            _summary(summary)
+
+    later(shown)
+
+
+def _summary(summary: Summary) -> None:
+    if summary.found is None:
+        with box("div", "refusal", role="alert"):
+            text("p", summary.refused)
+        return
+    for topic in summary.found.topics:
+        gaps = summary.gaps.get(topic.name, 0)
+        clock = f"{topic.rate:.4g} Hz, {topic.span:.1f} s by {topic.clock}" if topic.rate else "no clock found"
+        gapped = f", {gaps} gap{'s' * (gaps > 1)}" if gaps else ", no gaps" if topic.rate else ""
+        text("p", f"{topic.name or 'table'}: {topic.rows} rows, {clock}{gapped}")
+        if topic.left_out:
+            left = ", ".join(f"{column} ({why})" for column, why in topic.left_out.items())
+            text("p", f"left out: {left}", "note")
+    with box("details"):
+        text("summary", f"{len(summary.thumbs)} channels")
+        with box("div", "thumbs"):
+            for one in summary.thumbs:
+                thumbnail(one)
+
+
+def _day(project: Project, day: str, recordings: list[str], data: dict[str, Any]) -> None:
+    told = project.day(day, data)
+    with box("article", "part", aria_label=f"day {day}") as card:
+        card.on("dragover", js_handler="(e) => e.preventDefault()")
+        card.on("drop", lambda event: assign(project, str(event.args), day),
+                js_handler="(e) => { e.preventDefault(); emit(e.dataTransfer.getData('text/plain')); }")  # fmt: skip
+        text("h3", day)
+        runs = project.runs(day)
+        listed = ", ".join(recordings) if recordings else f"a folder of {len(runs)} runs"
+        text("p", listed, "note")
+        with box("div", "fields"):
+            tick(f"calibrate on {day}", day in stages.baseline(project, data),
+                 lambda on: set_of_day(project, day, "baseline", on))  # fmt: skip
+
+
+def assign(project: Project, name: str, day: str) -> None:
+    """Gives a recording a day; an empty one takes it out."""
+    day = day.strip()
+    if name not in project.recordings():
+        return
+    if day and not stages.DAY.fullmatch(day):
+        ui.notify("a day is called by letters, digits, spaces, '.', '_' and '-', 40 at most", type="warning")
+        return
+    with project.changing() as data:
+        data["recordings"][name] = day
+
+
+def set_of_day(project: Project, day: str, key: str, value: Any) -> None:
+    """Says something of a day; None takes it back."""
+    with project.changing() as data:
+        if key == "baseline":  # what was so by default is said from now on
+            for one in stages.baseline(project, data):
+                data["days"].setdefault(one, {})["baseline"] = True
+        told = data["days"].setdefault(day, {})
+        told[key] = value
+        if value is None:
+            told.pop(key)
+
+
+def _quoted(name: str) -> str:
+    return json.dumps(name).replace("<", "\\u003c")

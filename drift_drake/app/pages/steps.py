@@ -1,0 +1,25 @@
+"""The pages by their addresses."""
+
+from functools import partial
+from typing import Any
+
+from nicegui import ui
+
+from drift_drake.app.jobs import Jobs
+from drift_drake.app.pages.frame import STEPS, page
+from drift_drake.app.pages.logs import logs_page
+from drift_drake.app.project import Project
+from drift_drake.app.readings import Readings
+
+
+def add_pages(project: Project, readings: Readings, jobs: Jobs) -> None:
+    """Adds the pages to NiceGUI's app."""
+    draws: dict[str, Any] = {"Logs": logs_page}
+    for step in STEPS:
+        draw = draws.get(step.name)
+        if draw is not None:
+            ui.page(step.path)(partial(_show, project, readings, jobs, step, draw))
+
+
+def _show(project: Project, readings: Readings, jobs: Jobs, step: Any, draw: Any) -> None:
+    page(project, jobs, step, partial(draw, project, readings, jobs))

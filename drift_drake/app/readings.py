@@ -4,15 +4,16 @@ import dataclasses
 import threading
 from collections import OrderedDict
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from drift_drake.common.arrays import Array
 from drift_drake.common.errors import DriftDrakeError
-from drift_drake.gap.logs.importing.clocks import clock_of, numbers_of_column, seconds, with_numbers
-from drift_drake.gap.logs.importing.formats.topics import Topic
-from drift_drake.gap.logs.importing.look import Look, look
-from drift_drake.gap.logs.importing.recording import topics_of
+
+if TYPE_CHECKING:  # slow to import: the workbench opens before they are
+    from drift_drake.gap.logs.importing.formats.topics import Topic
+    from drift_drake.gap.logs.importing.look import Look
 
 KEPT = 2  # recordings whose columns stay in memory
 MOST_THUMBS = 60
@@ -51,7 +52,7 @@ class Summary:
     """A recording: what it holds, its gaps by topic, thumbnails; or why it cannot be read."""
 
     refused: str
-    found: Look | None = None
+    found: "Look | None" = None
     gaps: dict[str, int] = dataclasses.field(default_factory=dict)
     thumbs: list[Thumb] = dataclasses.field(default_factory=list)
 
@@ -61,11 +62,13 @@ class Readings:
 
     def __init__(self, folder: Path) -> None:
         self._folder, self._lock = folder, threading.Lock()
-        self._topics: OrderedDict[tuple[str, int, int], list[Topic]] = OrderedDict()
+        self._topics: OrderedDict[tuple[str, int, int], list["Topic"]] = OrderedDict()
         self._summaries: dict[tuple[str, int, int], Summary] = {}
 
-    def topics(self, name: str) -> list[Topic]:
+    def topics(self, name: str) -> "list[Topic]":
         """What a recording holds; raises InvalidRecordingError where it cannot be read."""
+        from drift_drake.gap.logs.importing.recording import topics_of
+
         key = self._key(name)
         with self._lock:
             if key not in self._topics:
@@ -77,6 +80,8 @@ class Readings:
 
     def summary(self, name: str) -> Summary:
         """Rates, gaps and thumbnails of a recording."""
+        from drift_drake.gap.logs.importing.look import look
+
         try:
             key = self._key(name)
             if key not in self._summaries:
@@ -93,7 +98,9 @@ class Readings:
         return name, now.st_mtime_ns, now.st_size
 
 
-def _summary(found: Look, topics: list[Topic]) -> Summary:
+def _summary(found: "Look", topics: "list[Topic]") -> Summary:
+    from drift_drake.gap.logs.importing.clocks import clock_of, numbers_of_column, seconds, with_numbers
+
     gaps, thumbs = {}, []
     for topic, said in zip((with_numbers(one) for one in topics), found.topics, strict=True):
         clock = clock_of(topic)

@@ -3,6 +3,7 @@
 from collections.abc import AsyncIterator
 from pathlib import Path
 
+from drift_drake.app.pages.parts import quietly
 from drift_drake.app.project import Project
 from drift_drake.app.readings import Readings
 from drift_drake.common.errors import DriftDrakeError, OutputError
@@ -35,8 +36,6 @@ async def take(project: Project, readings: Readings, asked: str, pieces: AsyncIt
     Raises:
         UnusableUploadError: it has no plain name, is there already, or holds no recording.
     """
-    from starlette.concurrency import run_in_threadpool
-
     name = file_name(asked)
     path = project.folder / PLACE / name
     if path.exists():
@@ -48,7 +47,7 @@ async def take(project: Project, readings: Readings, asked: str, pieces: AsyncIt
     except OutputError as error:
         raise UnusableUploadError(str(error)) from None
     relative = str(Path(PLACE) / name)
-    summary = await run_in_threadpool(readings.summary, relative)
+    summary = await quietly(readings.summary, relative)
     if summary.found is None:
         path.unlink(missing_ok=True)
         raise UnusableUploadError(summary.refused)

@@ -41,8 +41,8 @@ def run_app(command: App) -> None:
         from drift_drake.app.server import serve
 
     def ready(address: str) -> None:
-        print(f"{command.folder}: open {address} (Ctrl-C ends the workbench)", file=said_to(command.json), flush=True)
         write_results(command.json, {"folder": command.folder, "address": address})
+        print(f"{command.folder}: open {address} (Ctrl-C ends the workbench)", file=said_to(command.json), flush=True)
         if command.open:
             webbrowser.open(address)
 

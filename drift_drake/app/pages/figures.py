@@ -10,8 +10,9 @@ from drift_drake.app.pages.parts import box, text
 from drift_drake.app.readings import Thumb, decimated
 from drift_drake.common.arrays import Array
 from drift_drake.common.errors import significant
-from drift_drake.view.style import RUNS
 
+# Okabe and Ito's colours, as in the other pictures (`view.style`, slow to import).
+RUNS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00")
 MEASURED = "#222222"  # the style sheet turns it light in the dark
 POINTS = 1600  # of a line on the screen
 Line = tuple[str, Array, Array, str]  # name, t, values, colour

@@ -1,11 +1,13 @@
 """What the pages are made of: plain HTML elements with labels, that a keyboard and a screen reader know."""
 
+import asyncio
 from collections.abc import Awaitable, Callable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
-from nicegui import html, run, ui
+from nicegui import html, ui
 from nicegui.element import Element
 
 from drift_drake.app.jobs import Jobs
@@ -163,9 +165,13 @@ def frame_of(path: str, title: str) -> None:
         link.props.update({"href": where, "target": "_blank", "rel": "noopener"})
 
 
+# One thread: modules that import each other may not be imported by two at once, and a recording is read once.
+WORKER = ThreadPoolExecutor(1, "workbench")
+
+
 async def quietly(function: Callable[..., Any], *arguments: Any) -> Any:
-    """A slow function's result, computed in a thread."""
-    return await run.io_bound(function, *arguments)
+    """A slow function's result, computed beside the pages' own thread."""
+    return await asyncio.get_running_loop().run_in_executor(WORKER, function, *arguments)
 
 
 def later(function: Callable[[], Awaitable[None]]) -> None:

@@ -6,6 +6,7 @@ from typing import Any
 from nicegui import ui
 
 from drift_drake.app.jobs import Jobs
+from drift_drake.app.pages.columns import columns_page
 from drift_drake.app.pages.frame import STEPS, page
 from drift_drake.app.pages.logs import logs_page
 from drift_drake.app.project import Project
@@ -14,7 +15,7 @@ from drift_drake.app.readings import Readings
 
 def add_pages(project: Project, readings: Readings, jobs: Jobs) -> None:
     """Adds the pages to NiceGUI's app."""
-    draws: dict[str, Any] = {"Logs": logs_page}
+    draws: dict[str, Any] = {"Logs": logs_page, "Columns": columns_page}
     for step in STEPS:
         draw = draws.get(step.name)
         if draw is not None:

@@ -62,7 +62,7 @@ class Readings:
 
     def __init__(self, folder: Path) -> None:
         self._folder, self._lock = folder, threading.Lock()
-        self._topics: OrderedDict[tuple[str, int, int], list["Topic"]] = OrderedDict()
+        self._topics: OrderedDict[tuple[str, int, int], list[Topic]] = OrderedDict()
         self._summaries: dict[tuple[str, int, int], Summary] = {}
 
     def topics(self, name: str) -> "list[Topic]":

@@ -99,12 +99,18 @@ def import_day(project: Project, day: str, data: dict[str, Any]) -> Stage:
                  [f"{out}/{IMPORT_REPORT}"], replaces=out)  # fmt: skip
 
 
+def first_guess(data: Mapping[str, Any]) -> str:
+    """The vehicle file that a calibration begins with: the form's, or one of the folder."""
+    return str(data["options"].get("vehicle") or CAR)
+
+
 def check_day(project: Project, day: str, data: dict[str, Any]) -> Stage:
     """Whether a day is good enough to calibrate on."""
     out = f"check/{day}.json"
-    words = ["check", f"logs/{day}", "--vehicle", CAR, "--for-calibration", "--json", out]
-    return Stage(project, f"check {day}", f"the check of {day}", words, [*_logs(project, day), CAR], [out],
-                 lambda: _there(project, CAR, day))  # fmt: skip
+    car = first_guess(data)
+    words = ["check", f"logs/{day}", "--vehicle", car, "--for-calibration", "--json", out]
+    return Stage(project, f"check {day}", f"the check of {day}", words, [*_logs(project, day), car], [out],
+                 lambda: _there(project, car, day))  # fmt: skip
 
 
 def baseline(project: Project, data: dict[str, Any]) -> list[str]:
@@ -117,7 +123,7 @@ def calibrate(project: Project, data: dict[str, Any]) -> Stage:
     """The calibration on the baseline's days."""
     days, options = baseline(project, data), data["options"]
     logs = [f"logs/{day}" for day in days]
-    words = ["identify", *logs, "--vehicle", CAR, "--out", CALIBRATED, "--json", CALIBRATION]
+    words = ["identify", *logs, "--vehicle", first_guess(data), "--out", CALIBRATED, "--json", CALIBRATION]
     words += ["--report", CALIBRATION_REPORT]
     words += [word for name in ("criterion", "car") if options.get(name) for word in (f"--{name}", str(options[name]))]
 
@@ -126,7 +132,7 @@ def calibrate(project: Project, data: dict[str, Any]) -> Stage:
         open_ = [day for day in days if not passed(project, day, now)]
         return f"check first whether {', '.join(open_)} can be calibrated on" if open_ else None
 
-    inputs = [path for day in days for path in _logs(project, day)] + [CAR]
+    inputs = [path for day in days for path in _logs(project, day)] + [first_guess(data)]
     return Stage(project, "calibrate", "the calibration", words, inputs,
                  [CALIBRATED, CALIBRATION, CALIBRATION_REPORT], refused)  # fmt: skip
 
@@ -134,7 +140,7 @@ def calibrate(project: Project, data: dict[str, Any]) -> Stage:
 def believed(data: dict[str, Any]) -> tuple[str, list[str]]:
     """The vehicle file that days are diagnosed relative to, and its calibration's options."""
     as_it_is = bool(data["options"].get("as_it_is"))
-    return (CAR, []) if as_it_is else (CALIBRATED, ["--calibration", CALIBRATION])
+    return (first_guess(data), []) if as_it_is else (CALIBRATED, ["--calibration", CALIBRATION])
 
 
 def diagnose(project: Project, day: str, data: dict[str, Any]) -> Stage:

@@ -1,5 +1,6 @@
-"""Columns: which column is which quantity, laid over what others say of it; what looks wrong, and one click to fix it."""
+"""Columns: which column is which quantity, laid over what others say of it; what looks wrong, and how to fix it."""
 
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -11,6 +12,7 @@ from drift_drake.app import stages
 from drift_drake.app.jobs import Jobs
 from drift_drake.app.mapping_edits import edit, first_mapping, look_command, set_global
 from drift_drake.app.pages.figures import MEASURED, RUNS, Chart
+from drift_drake.app.pages.frame import own_edit
 from drift_drake.app.pages.parts import (
     box,
     button,
@@ -26,7 +28,7 @@ from drift_drake.app.pages.parts import (
 )
 from drift_drake.app.project import Project
 from drift_drake.app.readings import Readings
-from drift_drake.common.errors import DriftDrakeError
+from drift_drake.common.errors import DriftDrakeError, significant
 from drift_drake.gap.logs.wording.conversion import units_of
 
 MEANINGS = {
@@ -37,7 +39,12 @@ MEANINGS = {
     "course": "direction of travel",
 }  # fmt: skip
 NEEDED = ("r", "v", "delta_cmd")
-FRAMES = {"": "as the file's", "iso8855": "left is positive", "ned": "right is positive (ned)", "sae": "right is positive (sae)"}
+FRAMES = {
+    "": "as the file's",
+    "iso8855": "left is positive",
+    "ned": "right is positive (ned)",
+    "sae": "right is positive (sae)",
+}
 SIGNS = {"1": "+", "-1": "- (turned)"}
 LOOKED_AT = 300.0  # [s] of a recording, that what is said of the columns at once is judged by
 
@@ -48,31 +55,98 @@ def columns_page(project: Project, readings: Readings, jobs: Jobs, data: dict[st
     if not names:
         text("p", "Give a recording a day first (Logs). Folders of runs are in the log format already.", "warning")
         return
-    current = {"name": names[0]}
     if project.mapping() is None:
         _first(project, readings, names[0])
         return
-    with section("Recording", "tight"):
-        choice("Shown below", {name: name for name in names}, names[0], lambda name: _show_other(current, name, rows, seen))
-    seen = _seen(project, readings, current)
-    rows = _rows(project, readings, current, seen)
-    seen()
-    rows()
+    view = _View(project, readings, jobs, names[0])
+    if len(names) > 1:
+        choice("Recording that is shown", {name: name for name in names}, names[0], view.other)
+    with box("div", "pair"):
+        with section("Quantities"):
+            view.rows = box("div")
+        with section("What they say of each other", "beside"):
+            view.said = box("div", aria_live="polite")
+            with view.said:
+                text("p", "is being compared ...", "note")
     with section("Import"):
         text("p", "Each day becomes a folder of runs at 100 Hz, with what was estimated and what looks wrong.", "note")
-        for day, recordings in project.days(data).items():
-            if recordings:
-                text("h3", day)
-                stage = stages.import_day(project, day, data)
-                run_button(stage, jobs, data, f"Import {day}")
-                saying(stage, data, "What the import says")
+        view.imports = box("div")
+    view.draw_imports()
+    later(view.draw)
     text("p", "Next: Car.", "note")
 
 
-def _show_other(current: dict[str, str], name: str, *parts: Any) -> None:
-    current["name"] = name
-    for part in parts:
-        part.refresh()
+class _View:
+    """What one window shows of a mapping: edits are written at once, and what depends on them is drawn anew."""
+
+    rows: Any
+    said: Any
+    imports: Any
+
+    def __init__(self, project: Project, readings: Readings, jobs: Jobs, name: str) -> None:
+        self.project, self.readings, self.jobs, self.name = project, readings, jobs, name
+
+    async def draw(self) -> None:
+        """All of it."""
+        await self.draw_rows()
+        await self.compare()
+
+    async def other(self, name: str) -> None:
+        """Shows another recording."""
+        self.name = name
+        await self.draw()
+
+    async def edit(self, change: Callable[[dict[str, Any]], None], again: bool = False) -> None:
+        """Changes the mapping; again: rows too, whose choices depend on it."""
+        self.project.change_mapping(change)
+        own_edit(self.project, self.jobs)
+        self.draw_imports()
+        if again:
+            await self.draw_rows()
+        await self.compare()
+
+    def draw_imports(self) -> None:
+        """The days' imports, stale or not."""
+        data = self.project.read()
+        self.imports.clear()
+        with self.imports:
+            for day, recordings in self.project.days(data).items():
+                if recordings:
+                    text("h3", day)
+                    stage = stages.import_day(self.project, day, data)
+                    run_button(stage, self.jobs, data, f"Import {day}")
+                    saying(stage, data, "What the import says")
+
+    async def draw_rows(self) -> None:
+        """A row a quantity: those that are chosen, and the others folded."""
+        mapping = self.project.mapping() or {}
+        signals = mapping.get("signals")
+        signals = signals if isinstance(signals, dict) else {}
+        ranked = await quietly(_ranked, self.readings, self.name, signals)
+        self.rows.clear()
+        with self.rows:
+            if isinstance(ranked, str):
+                text("p", ranked, "refusal")
+                return
+            _globals(self, mapping)
+            used = [name for name in MEANINGS if name in NEEDED or name in signals or _formula(name, mapping)]
+            for quantity in used:
+                _row(self, quantity, signals.get(quantity), ranked.get(quantity, []), mapping)
+            with box("details"):
+                text("summary", "Further quantities")
+                for quantity in MEANINGS:
+                    if quantity not in used:
+                        _row(self, quantity, None, ranked.get(quantity, []), mapping)
+
+    async def compare(self) -> None:
+        """What looks wrong, and the overlays."""
+        found = await quietly(_previewed, self.readings, self.name, self.project.mapping() or {})
+        self.said.clear()
+        with self.said:
+            if isinstance(found, str):
+                text("p", found, "refusal")
+                return
+            _remarks(self, *found)
 
 
 def _first(project: Project, readings: Readings, name: str) -> None:
@@ -92,32 +166,6 @@ def _first(project: Project, readings: Readings, name: str) -> None:
             text("code", look_command(name))
 
 
-def _rows(project: Project, readings: Readings, current: dict[str, str], seen: Any) -> Any:
-    """A row a quantity."""
-
-    @ui.refreshable
-    def drawn() -> None:
-        with section("Quantities"):
-            place = box("div")
-
-        async def shown() -> None:
-            mapping = project.mapping() or {}
-            signals = mapping.get("signals", {})
-            signals = signals if isinstance(signals, dict) else {}
-            ranked = await quietly(_ranked, readings, current["name"], signals)
-            with place:
-                if isinstance(ranked, str):
-                    text("p", ranked, "refusal")
-                    return
-                _globals(project, mapping, seen)
-                for quantity in MEANINGS:
-                    _row(project, quantity, signals.get(quantity), ranked.get(quantity, []), mapping, drawn, seen)
-
-        later(shown)
-
-    return drawn
-
-
 def _ranked(readings: Readings, name: str, signals: dict[str, Any]) -> Any:
     from drift_drake.gap.logs.importing.candidates import ranked
 
@@ -127,35 +175,35 @@ def _ranked(readings: Readings, name: str, signals: dict[str, Any]) -> Any:
         return str(error)
 
 
-def _globals(project: Project, mapping: dict[str, Any], seen: Any) -> None:
+def _globals(view: _View, mapping: dict[str, Any]) -> None:
     """What is said of the car and of all columns."""
 
-    def told(key: str, value: Any) -> None:
-        project.change_mapping(lambda data: set_global(data, key, value))
-        seen.refresh()
+    async def told(key: str, value: Any) -> None:
+        await view.edit(lambda data: set_global(data, key, value))
 
     with box("div", "fields"):
         frames = {name: words for name, words in FRAMES.items() if name}
-        choice("Frame of the file", frames, str(mapping.get("frame", "iso8855")), partial(told, "frame"))
+        choice("frame of the file", frames, str(mapping.get("frame", "iso8855")), partial(told, "frame"))
         field("wheelbase", mapping.get("wheelbase"), lambda q: told("wheelbase", number(q)), unit="m", min="0")
         point = mapping.get("measured_point") or [None, None]
         for k, words in enumerate(("speed is measured ahead by", "and to the left by")):
             field(words, point[k] if len(point) > k else None,
                   lambda q, k=k: told("measured_point", (k, number(q))), unit="m")  # fmt: skip
-    text("p", "A wheelbase lets the steering ratio be judged. Speed is measured relative to the centre of gravity.", "note")
+    text("p", "A wheelbase lets the steering ratio be judged. Where the speed is measured is relative to the centre of "
+         "gravity.", "note")  # fmt: skip
 
 
-def _row(
-    project: Project, quantity: str, line: Any, candidates: list[Any], mapping: dict[str, Any], rows: Any, seen: Any
-) -> None:
+def _formula(quantity: str, mapping: dict[str, Any]) -> str:
+    formulas = mapping.get("formulas")
+    return str(formulas.get(quantity, "")) if isinstance(formulas, dict) else ""
+
+
+def _row(view: _View, quantity: str, line: Any, candidates: list[Any], mapping: dict[str, Any]) -> None:
     line = line if isinstance(line, dict) else {}
-    formula = mapping.get("formulas", {}).get(quantity) if isinstance(mapping.get("formulas"), dict) else None
+    formula = _formula(quantity, mapping)
 
-    def change(key: str, value: Any, again: bool = False) -> None:
-        project.change_mapping(lambda data: edit(data, quantity, key, value, candidates))
-        (rows if again else seen).refresh()
-        if again:
-            seen.refresh()
+    async def change(key: str, value: Any, again: bool = False) -> None:
+        await view.edit(lambda data: edit(data, quantity, key, value, candidates), again)
 
     with box("div", "quantity", role="group", aria_label=f"{quantity}, {MEANINGS[quantity]}"):
         with box("p"):
@@ -166,53 +214,35 @@ def _row(
         column = str(line.get("column", ""))
         if column and column not in options:
             options[column] = f"{column} (not in this recording)"
-        choice(f"column of {quantity}", options, column, lambda name: change("column", name, True)).classes("wider")
-        if not column:
-            return
-        units = dict.fromkeys([str(line.get("unit", "?")), *units_of(quantity)])
-        choice(f"unit of {quantity}", {unit: unit for unit in units}, str(line.get("unit", "?")), partial(change, "unit"))
-        sign = "-1" if line.get("sign", 1) == -1 else "1"
-        choice(f"sign of {quantity}", SIGNS, sign, lambda q: change("sign", float(q)))
-        if quantity == "delta_cmd":
-            scale = line.get("scale", 1.0)
-            ratio = 1.0 / scale if isinstance(scale, int | float) and scale else 1.0
-            field("steering ratio", float(f"{ratio:.6g}"), lambda q: change("ratio", number(q)))
-        elif quantity == "omega_r" and line.get("radius") is not None:
-            field("wheel radius", line["radius"], lambda q: change("radius", number(q)), unit="m")
-        else:
-            field(f"factor of {quantity}", line.get("scale", 1.0), lambda q: change("scale", number(q)))
-        field(f"offset of {quantity}", line.get("offset", 0.0), lambda q: change("offset", number(q)))
-        choice(f"frame of {quantity}", FRAMES, str(line.get("frame") or ""), partial(change, "frame"))
+        choice("column", options, column, lambda name: change("column", name, True), of=quantity)
+        if column:
+            with box("div", "controls"):
+                _controls(quantity, line, change)
+
+
+def _controls(quantity: str, line: dict[str, Any], change: Callable[..., Any]) -> None:
+    """Unit, sign, factor, offset and frame of a column."""
+    unit = str(line.get("unit", "?"))
+    units = dict.fromkeys([unit, *units_of(quantity)])
+    choice(
+        "unit", {one: one for one in units}, unit, lambda one: change("unit", one, quantity == "omega_r"), of=quantity
+    )
+    choice("sign", SIGNS, "-1" if line.get("sign", 1) == -1 else "1", lambda q: change("sign", float(q)), of=quantity)
+    scale = line.get("scale", 1.0)
+    if quantity == "delta_cmd":
+        ratio = 1.0 / scale if isinstance(scale, int | float) and scale else 1.0
+        field("steering ratio", float(f"{ratio:.6g}"), lambda q: change("ratio", number(q)), of=quantity)
+    elif line.get("radius") is not None:
+        field("wheel radius", line["radius"], lambda q: change("radius", number(q)), unit="m", of=quantity)
+    else:
+        field("factor", scale, lambda q: change("scale", number(q)), of=quantity)
+    field("offset", line.get("offset", 0.0), lambda q: change("offset", number(q)), of=quantity)
+    choice("frame", FRAMES, str(line.get("frame") or ""), partial(change, "frame"), of=quantity)
 
 
 def _said(one: Any) -> str:
     why = f": {one.likeness:.2f} with {one.says}" if one.says else ""
     return f"{one.column}{why}{' (by its name)' if one.named and not one.says else ''}"
-
-
-def _seen(project: Project, readings: Readings, current: dict[str, str]) -> Any:
-    """What looks wrong, and the overlays."""
-
-    @ui.refreshable
-    def drawn() -> None:
-        with section("What the columns say of each other"):
-            place = box("div", aria_live="polite")
-            with place:
-                text("p", "is being compared ...", "note")
-
-        async def shown() -> None:
-            mapping = project.mapping() or {}
-            found = await quietly(_previewed, readings, current["name"], mapping)
-            place.clear()
-            with place:
-                if isinstance(found, str):
-                    text("p", found, "refusal")
-                    return
-                _remarks(project, *found, drawn)
-
-        later(shown)
-
-    return drawn
 
 
 def _previewed(readings: Readings, name: str, mapping: dict[str, Any]) -> Any:
@@ -228,30 +258,36 @@ def _previewed(readings: Readings, name: str, mapping: dict[str, Any]) -> Any:
         return str(error)
 
 
-def _remarks(project: Project, found: Any, overlays: list[Any], seen: Any) -> None:
+def _remarks(view: _View, found: Any, overlays: list[Any]) -> None:
     if found.refused:
         with box("div", "refusal", role="alert"):
-            text("p", f"The import would be refused: {found.refused}")
+            text("p", f"The import would be refused: {found.refused.sentence}")
+            _offered(view, found.refused)
     for remark in found.remarks:
         with box("div", "warning"):
             text("p", remark.sentence)
-            with box("div", "run"):
-                for fix in remark.fixes:
-                    button(fix.label[0].upper() + fix.label[1:], partial(_fixed, project, fix))
+            _offered(view, remark)
     if not found.refused and not found.remarks and found.pieces:
         text("p", "Signs and units: nothing looks wrong.", "verdict")
     if found.unchecked:
         text("p", f"No other column can check {', '.join(found.unchecked)}.", "note")
     for one in overlays:
         text("h3", f"{one.column} against {one.against}")
-        text("p", f"correlation {one.likeness:.3f}, {one.column} is {one.gain:.3g} times as large", "note")
+        text("p", f"correlation {one.likeness:.3f}, gain {significant(one.gain, 3)}", "note")
         lines = [(one.column, one.t, one.measured, MEASURED), (one.against, one.t, one.expected, RUNS[1])]
-        Chart([(f"{one.column} [{one.unit}]", lines)], f"{one.column} against {one.against}", 180)
+        Chart([(f"{one.column} [{one.unit}]", lines)], f"{one.column} against {one.against}", 150)
 
 
-def _fixed(project: Project, fix: Any) -> None:
+def _offered(view: _View, remark: Any) -> None:
+    """A button for each way to put it right."""
+    with box("div", "run"):
+        for fix in remark.fixes:
+            button(fix.label[0].upper() + fix.label[1:], partial(_fixed, view, fix))
+
+
+async def _fixed(view: _View, fix: Any) -> None:
     def put(data: dict[str, Any]) -> None:
         data.clear()
-        data.update(yaml.safe_load(yaml.safe_dump(fix.mapping)))
+        data.update(yaml.safe_load(yaml.safe_dump(fix.mapping, sort_keys=False)))
 
-    project.change_mapping(put)
+    await view.edit(put, again=True)

@@ -73,13 +73,17 @@ class Chart:
         for k, (title, lines) in enumerate(self.panels):
             suffix = "" if k == 0 else str(k + 1)
             top = 1.0 - k / count
-            layout[f"yaxis{suffix}"] = {"title": {"text": title}, "domain": [top - 1.0 / count + gap * (k < count - 1), top],
-                                        "zeroline": False, "automargin": True}  # fmt: skip
+            domain = [top - 1.0 / count + gap * (k < count - 1), top]
+            layout[f"yaxis{suffix}"] = {
+                "title": {"text": title}, "domain": domain, "zeroline": False, "automargin": True,
+            }  # fmt: skip
             for name, t, values, colour in lines:
                 x, y = _within(t, values, part)
-                data.append({"x": _plain(x), "y": _plain(y), "name": name, "type": "scatter", "mode": "lines", "xaxis": "x",
-                             "yaxis": f"y{suffix}", "line": {"color": colour, "width": 1.4}, "legendgroup": name,
-                             "showlegend": name not in named})  # fmt: skip
+                data.append({
+                    "x": _plain(x), "y": _plain(y), "name": name, "type": "scatter", "mode": "lines", "xaxis": "x",
+                    "yaxis": f"y{suffix}", "line": {"color": colour, "width": 1.4}, "legendgroup": name,
+                    "showlegend": name not in named,
+                })  # fmt: skip
                 named.add(name)
         bottom = "y" if count == 1 else f"y{count}"
         layout["xaxis"] = {"title": {"text": "t [s]"}, "anchor": bottom, "showspikes": True, "spikemode": "across",

@@ -3,16 +3,19 @@
 from collections.abc import Callable
 from importlib import resources
 from typing import Any, NamedTuple
+from weakref import WeakKeyDictionary
 
 from nicegui import ui
 
 from drift_drake.app import stages
 from drift_drake.app.jobs import Jobs
 from drift_drake.app.pages.parts import box, button, folder_name, stamp, text
-from drift_drake.app.project import CAR, MAPPING, Project
+from drift_drake.app.project import MAPPING, Project
 from drift_drake.common.errors import DriftDrakeError
 
 POLL = 0.5  # [s]
+# Of each window what it has shown, and what draws its way through the steps.
+SEEN: WeakKeyDictionary[Any, tuple[tuple[Any, ...], Callable[[], Any]]] = WeakKeyDictionary()
 
 
 class Step(NamedTuple):
@@ -38,13 +41,14 @@ def page(project: Project, jobs: Jobs, step: Step, draw: Callable[[dict[str, Any
     """One page: the frame, and what `draw` makes of the project file's content."""
     ui.add_head_html(f"<style>{(resources.files('drift_drake.app.pages') / 'look.css').read_text()}</style>")
     ui.page_title(f"{step.name} - {folder_name(project)} - drift_drake")
-    seen = stamp(project, jobs)
+    client = ui.context.client
+    way = ui.refreshable(_way)
 
     @ui.refreshable
     def content() -> None:
+        SEEN[client] = stamp(project, jobs), way.refresh
         try:
             data = project.read()
-            _way(project, step, data)
             with box("main", id="main"):
                 text("h1", step.name)
                 text("p", step.about, "note")
@@ -54,12 +58,12 @@ def page(project: Project, jobs: Jobs, step: Step, draw: Callable[[dict[str, Any
                 text("p", str(error))
 
     text("a", "Skip to the content", "skip", href="#main")
+    way(project, step)
     content()
     bar = box("div", "job", role="status", aria_live="polite")
     shown: list[Any] = [None]
 
     def poll() -> None:
-        nonlocal seen
         job = jobs.running
         now = None if job is None else (job.stage.title, job.doing, round(100 * job.share), job.cancelled)
         if now != shown[0]:
@@ -68,14 +72,27 @@ def page(project: Project, jobs: Jobs, step: Step, draw: Callable[[dict[str, Any
             if job is not None:
                 with bar:
                     _running(jobs)
-        if (new := stamp(project, jobs)) != seen:
-            seen = new
+        if stamp(project, jobs) != SEEN[client][0]:
+            way.refresh()
             content.refresh()
 
     ui.timer(POLL, poll)
 
 
-def _way(project: Project, step: Step, data: dict[str, Any]) -> None:
+def own_edit(project: Project, jobs: Jobs) -> None:
+    """Says that this window has drawn what it has changed itself."""
+    client = ui.context.client
+    if client in SEEN:
+        refresh = SEEN[client][1]
+        SEEN[client] = stamp(project, jobs), refresh
+        refresh()
+
+
+def _way(project: Project, step: Step) -> None:
+    try:
+        data = project.read()
+    except DriftDrakeError:
+        return
     with box("header"):
         text("p", folder_name(project), "project")
         with box("nav", aria_label="Steps"), box("ol"):
@@ -101,7 +118,7 @@ def _state(project: Project, step: Step, data: dict[str, Any]) -> str:
     if step.name == "Logs":
         return "done" if days else "none"
     if step.name == "Car":
-        return "done" if (project.folder / CAR).exists() else "none"
+        return "done" if (project.folder / stages.first_guess(data)).exists() else "none"
     if step.name == "Columns" and not (project.folder / MAPPING).exists():
         return "none"
     found = [stage.state(data) for stage in of[step.name]]

@@ -9,18 +9,17 @@ from nicegui import ui
 from drift_drake.app import stages
 from drift_drake.app.jobs import Jobs
 from drift_drake.app.pages.figures import thumbnail
-from drift_drake.app.pages.parts import box, choice, field, later, quietly, section, tick, text
+from drift_drake.app.pages.parts import box, field, later, quietly, section, text, tick
 from drift_drake.app.project import Project
 from drift_drake.app.readings import Readings, Summary
 
-NEW = "a new day ..."
 FORMATS = (
     "CSV and other text tables, Parquet, MCAP, ROS bags, MDF, MATLAB .mat, .npz, HDF5, VBOX .vbo, AiM .xrk, PX4 .ulg; "
     "at most 1 GB each (put larger ones into the folder yourself)"
 )
 
 
-def logs_page(project: Project, readings: Readings, jobs: Jobs, data: dict[str, Any]) -> None:
+def logs_page(project: Project, readings: Readings, _jobs: Jobs, data: dict[str, Any]) -> None:
     """The page's content."""
     script = (resources.files("drift_drake.app.pages") / "upload.js").read_text()
     ui.add_body_html(f"<script>{script}</script>")
@@ -34,8 +33,11 @@ def logs_page(project: Project, readings: Readings, jobs: Jobs, data: dict[str, 
     with section("Recordings"):
         if not names:
             text("p", "None yet.", "note")
+        with box("datalist", id="days"):
+            for day in days:
+                box("option", value=day)
         for name in names:
-            _recording(project, readings, name, data, list(days))
+            _recording(project, readings, name, data)
     with section("Days"):
         text("p", "A day is what was driven without a change to the car. Calibrate on a day when the car was as it "
              "should be; the others are compared with it.", "note")  # fmt: skip
@@ -46,23 +48,13 @@ def logs_page(project: Project, readings: Readings, jobs: Jobs, data: dict[str, 
     text("p", "Next: Columns.", "note")
 
 
-def _recording(project: Project, readings: Readings, name: str, data: dict[str, Any], days: list[str]) -> None:
+def _recording(project: Project, readings: Readings, name: str, data: dict[str, Any]) -> None:
     chosen = str(data["recordings"].get(name) or "")
-    options = {"": "not used", **{day: day for day in dict.fromkeys([*days, *([chosen] if chosen else [])])}, NEW: NEW}
     with box("article", "part", aria_label=name, draggable="true") as card:
         card.on("dragstart", js_handler=f"(e) => e.dataTransfer.setData('text/plain', {_quoted(name)})")
         text("h3", name)
-        place = box("div")
-
-        def picked(day: str) -> None:
-            if day == NEW:
-                with place:
-                    field("Name of the new day", "", lambda new: assign(project, name, new), kind="text", maxlength="40")
-                return
-            assign(project, name, day)
-
-        with place:
-            choice(f"Day of {name}", options, chosen, picked)
+        field("day (empty: not used)", chosen, lambda day: assign(project, name, day), kind="text", of=name,
+              list="days", maxlength="40")  # fmt: skip
         about = box("div")
         with about:
             text("p", "is being read ...", "note")
@@ -97,7 +89,6 @@ def _summary(summary: Summary) -> None:
 
 
 def _day(project: Project, day: str, recordings: list[str], data: dict[str, Any]) -> None:
-    told = project.day(day, data)
     with box("article", "part", aria_label=f"day {day}") as card:
         card.on("dragover", js_handler="(e) => e.preventDefault()")
         card.on("drop", lambda event: assign(project, str(event.args), day),

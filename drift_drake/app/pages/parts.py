@@ -51,10 +51,10 @@ def button(words: str, does: Callable[[], Any], style: str = "", label: str = ""
     return element.on("click", lambda _: does(), js_handler="() => emit()")
 
 
-def choice(label: str, options: Mapping[str, str], value: str, changed: Changed, shown: bool = True) -> Element:
-    """A select; options: what is said of each value."""
-    with _labelled(label, shown):
-        element = box("select", aria_label=label)
+def choice(label: str, options: Mapping[str, str], value: str, changed: Changed, of: str = "") -> Element:
+    """A select; options: what is said of each value; of: what a screen reader says after the label."""
+    with _labelled(label):
+        element = box("select", aria_label=f"{label} of {of}" if of else label)
         with element:
             for one, words in options.items():
                 option = html.option(words)
@@ -65,11 +65,12 @@ def choice(label: str, options: Mapping[str, str], value: str, changed: Changed,
 
 
 def field(
-    label: str, value: Any, changed: Changed, kind: str = "number", shown: bool = True, unit: str = "", **more: str
+    label: str, value: Any, changed: Changed, kind: str = "number", unit: str = "", of: str = "", **more: str
 ) -> Element:
     """An input for a number, or of another kind."""
-    with _labelled(f"{label} [{unit}]" if unit else label, shown):
-        element = box("input_", aria_label=f"{label} [{unit}]" if unit else label, type=kind, **more)
+    said = f"{label} [{unit}]" if unit else label
+    with _labelled(said):
+        element = box("input_", aria_label=f"{said} of {of}" if of else said, type=kind, **more)
         element.props["value"] = "" if value is None else f"{value:g}" if isinstance(value, float) else str(value)
         if kind == "number":
             element.props["step"] = "any"
@@ -86,11 +87,10 @@ def tick(label: str, value: bool, changed: Callable[[bool], Any]) -> Element:
     return element.on("change", lambda event: changed(bool(event.args)), js_handler=CHECKED)
 
 
-def _labelled(label: str, shown: bool) -> Element:
-    element = box("label", "field" if shown else "field bare")
-    if shown:
-        with element:
-            text("span", label)
+def _labelled(label: str) -> Element:
+    element = box("label", "field")
+    with element:
+        text("span", label)
     return element
 
 
@@ -188,4 +188,3 @@ def stamp(project: Project, jobs: Jobs) -> tuple[Any, ...]:
 
 def folder_name(project: Project) -> str:
     return project.folder.name or str(Path(project.folder))
-

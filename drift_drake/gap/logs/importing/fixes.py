@@ -2,6 +2,7 @@
 
 import copy
 import math
+import re
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
@@ -35,7 +36,9 @@ def fixes(doubt: Suspicion, mapping: Mapping[str, Any]) -> list[Fix]:
         return []
     if doubt.point is not None:
         where = [round(q, 3) for q in doubt.point]
-        return [Fix(f"set measured_point to [{where[0]:g}, {where[1]:g}] m", {**_copied(mapping), "measured_point": where})]
+        return [
+            Fix(f"set measured_point to [{where[0]:g}, {where[1]:g}] m", {**_copied(mapping), "measured_point": where})
+        ]
     if "swapped" in doubt.sentence and column in EXCHANGED:
         return _exchanged(mapping, *EXCHANGED[column])
     lines = _lines(column, mapping)
@@ -44,7 +47,9 @@ def fixes(doubt: Suspicion, mapping: Mapping[str, Any]) -> list[Fix]:
     if doubt.factor is None:
         return _without(lines, column, doubt, mapping)
     if doubt.factor < 0.0:
-        return _each(lines, mapping, f"turn the sign of {column}", lambda line: {**line, "sign": -line.get("sign", 1.0)})
+        return _each(
+            lines, mapping, f"turn the sign of {column}", lambda line: {**line, "sign": -line.get("sign", 1.0)}
+        )
     return [*_units(lines, column, doubt, mapping), *_scaled(lines, column, doubt.factor, mapping)][:2]
 
 
@@ -75,7 +80,15 @@ DEFAULTS = (("sign", 1.0), ("scale", 1.0), ("offset", 0.0))
 
 
 def _moved(offset: float) -> Any:
-    return lambda line: {**line, "offset": float(significant(line.get("offset", 0.0) + offset, 4))}
+    return lambda line: {**line, "offset": _rounded(line.get("offset", 0.0) + offset)}
+
+
+def _turned(line: dict[str, Any]) -> dict[str, Any]:
+    return {**line, "sign": -line.get("sign", 1.0)}
+
+
+def _rounded(value: float) -> float:
+    return float(significant(value, 4))
 
 
 def _exchanged(mapping: Mapping[str, Any], one: str, other: str) -> list[Fix]:
@@ -108,7 +121,9 @@ def _units(lines: list[str], column: str, doubt: Suspicion, mapping: Mapping[str
         return []
     if column == "omega_r" and "rad/s" in doubt.sentence and now.dimension == "speed":
         to = {"unit": "rad/s", "radius": float(significant(1.0 / factor, 3))}
-        return _each(lines, mapping, f"read omega_r in rad/s, of a wheel of {to['radius']:g} m", lambda one: {**one, **to})
+        return _each(
+            lines, mapping, f"read omega_r in rad/s, of a wheel of {to['radius']:g} m", lambda one: {**one, **to}
+        )
     for name in units_of(lines[0]):
         unit = unit_of(name, (now.dimension,))
         if unit is not None and abs(math.log(unit.factor * factor / now.factor)) < NEAR and name != now.name:
@@ -120,9 +135,26 @@ def _scaled(lines: list[str], column: str, factor: float, mapping: Mapping[str, 
     """The factor itself."""
     said = f"divide {column} by {significant(factor, 3)}"
     if lines:
-        return _each(lines, mapping, said, lambda line: {**line, "scale": float(significant(line.get("scale", 1.0) / factor, 4))})
+        return _each(
+            lines, mapping, said, lambda line: {**line, "scale": float(significant(line.get("scale", 1.0) / factor, 4))}
+        )
     if column not in mapping.get("formulas", {}):
         return []
     changed = _copied(mapping)
     changed["formulas"][column] = f"({changed['formulas'][column]}) / {significant(factor, 4)}"
     return [Fix(said, changed)]
+
+
+GUESSED = {"km/h": "km/h", "degrees per": "deg/s", "degrees": "deg"}  # what a refusal takes a column for, its unit
+
+
+def fixes_of_refusal(sentence: str, mapping: Mapping[str, Any]) -> list[Fix]:
+    """The same of a log that is refused since no car can have such numbers (`car.log.plausible`)."""
+    found = re.search(r"column (\w+) .*it looks like (.*)", sentence)
+    if found is None:
+        return []
+    lines = _lines(found[1], mapping)
+    unit = next((unit for words, unit in GUESSED.items() if found[2].startswith(words)), None)
+    if not lines or unit is None or mapping["signals"][lines[0]].get("unit") == unit:
+        return []
+    return _each(lines, mapping, f"read {found[1]} in {unit}", lambda line: {**line, "unit": unit})

@@ -56,9 +56,7 @@ class Look:
     notes: list[str]
 
 
-def look(
-    path: str | Path, databases: Sequence[str | Path] = (), read: Sequence[Topic] | None = None
-) -> Look:
+def look(path: str | Path, databases: Sequence[str | Path] = (), read: Sequence[Topic] | None = None) -> Look:
     """A first look at a recorder's file, with the databases (DBC) of raw CAN frames.
 
     read: what the file holds, where it has been read already.

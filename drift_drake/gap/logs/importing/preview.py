@@ -9,12 +9,12 @@ from typing import Any
 from drift_drake.common.arrays import Array
 from drift_drake.common.errors import DriftDrakeError
 from drift_drake.gap.logs.importing.checks import doubts_of
-from drift_drake.gap.logs.importing.fixes import Fix, fixes
+from drift_drake.gap.logs.importing.fixes import Fix, fixes, fixes_of_refusal
 from drift_drake.gap.logs.importing.formats.topics import Topic
 from drift_drake.gap.logs.importing.importer import PERIOD, Piece, as_run, pieces_of
-from drift_drake.gap.logs.importing.mapping import mapping_from_dict
-from drift_drake.gap.logs.importing.recording import read_recording
 from drift_drake.gap.logs.importing.known import missing_quantities
+from drift_drake.gap.logs.importing.mapping import RecorderMapping, mapping_from_dict
+from drift_drake.gap.logs.importing.recording import read_recording
 
 
 @dataclasses.dataclass(frozen=True)
@@ -35,7 +35,7 @@ class Preview:
 
     pieces: list[Mapping[str, Array]]
     remarks: list[Remark]
-    refused: str | None
+    refused: Remark | None
     unchecked: tuple[str, ...] = ()
 
 
@@ -50,23 +50,24 @@ def preview(
     try:
         mapping = mapping_from_dict(dict(data), "mapping.yaml")
         if missing := missing_quantities(mapping):
-            return Preview([], [], f"nothing is chosen for {', '.join(missing)} yet; a log needs r, v and delta_cmd")
+            said = f"nothing is chosen for {', '.join(missing)} yet; a log needs r, v and delta_cmd"
+            return Preview([], [], Remark(said))
         recording = read_recording(path, mapping, (), topics)
         pieces, _, said = pieces_of(Path(path), recording.name, recording, mapping, start, end)
         doubts, wrong = doubts_of([(piece.label, piece.columns) for piece in pieces], PERIOD, mapping)
     except DriftDrakeError as error:
-        return Preview([], [], str(error))
+        return Preview([], [], Remark(str(error)))
     sentences = dict.fromkeys([*said, *(one for several in wrong.values() for one in several)])
     remarks = [
         Remark(one, fixes(doubts.suspicions[one], data) if one in doubts.suspicions else []) for one in sentences
     ]
-    return Preview([piece.columns for piece in pieces], remarks, _refused(pieces, mapping), doubts.unchecked)
+    return Preview([piece.columns for piece in pieces], remarks, _refused(pieces, mapping, data), doubts.unchecked)
 
 
-def _refused(pieces: Sequence[Piece], mapping: Any) -> str | None:
+def _refused(pieces: Sequence[Piece], mapping: RecorderMapping, data: Mapping[str, Any]) -> Remark | None:
     try:
         for piece in pieces:
             as_run(piece, mapping, ())
     except DriftDrakeError as error:
-        return str(error)
+        return Remark(str(error), fixes_of_refusal(str(error), data))
     return None

@@ -25,7 +25,7 @@ LOST = (
 GRACE = 5.0  # [s] for a command to end by itself
 
 
-class Job:
+class RunningCommand:
     """A command that runs: its progress, and what it has said."""
 
     def __init__(self, stage: Stage) -> None:
@@ -56,7 +56,7 @@ class Jobs:
                 if isinstance(record, dict) and record.get("ended") == "running":
                     record.update(ended="cancelled", said=LOST)
 
-    running: Job | None
+    running: RunningCommand | None
 
     def start(self, stage: Stage) -> str | None:
         """Starts a step's command; a sentence where it cannot be."""
@@ -65,7 +65,7 @@ class Jobs:
                 return f"{self.running.stage.title} is running; wait for its end, or cancel it"
             if (why := stage.refused()) is not None:
                 return why
-            job = self.running = Job(stage)
+            job = self.running = RunningCommand(stage)
         self._record(stage, "running", "", stage.digest())
         threading.Thread(target=self._run, args=(job, stage.digest()), daemon=True).start()
         return None
@@ -88,7 +88,7 @@ class Jobs:
             except subprocess.TimeoutExpired:
                 os.killpg(job.process.pid, signal.SIGKILL)
 
-    def _run(self, job: Job, digest: str) -> None:
+    def _run(self, job: RunningCommand, digest: str) -> None:
         words = [sys.executable, "-m", "drift_drake", *job.stage.words]
         stamps = job.stage.stamps()
         job.stage.before()

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from drift_drake.app.project import MAPPING, Project
-from drift_drake.app.readings import Readings
+from drift_drake.app.readings import Recordings
 from drift_drake.common.safe_files import write_text
 from drift_drake.common.units import DIMENSIONS
 from drift_drake.gap.logs.wording.conversion import QUANTITIES, dimension
@@ -13,7 +13,7 @@ from drift_drake.gap.logs.wording.conversion import QUANTITIES, dimension
 DEFAULTS = {"sign": 1.0, "scale": 1.0, "offset": 0.0, "frame": ""}
 
 
-def first_mapping(project: Project, readings: Readings, name: str) -> None:
+def first_mapping(project: Project, readings: Recordings, name: str) -> None:
     """Writes the mapping that `drift-drake import --look` prints; raises InvalidRecordingError."""
     from drift_drake.gap.logs.importing.look import look, mapping_text
 
@@ -72,3 +72,15 @@ def set_global(data: dict[str, Any], key: str, value: Any) -> None:
     data.pop(key, None)
     if value is not None:
         data[key] = value
+
+
+def merge(data: dict[str, Any], before: dict[str, Any], after: dict[str, Any]) -> None:
+    """Makes the changes that lead from `before` to `after` to `data`, which somebody else may have changed too."""
+    for key in {**before, **after}:
+        old, new = before.get(key), after.get(key)
+        if isinstance(old, dict) and isinstance(new, dict) and isinstance(data.get(key), dict):
+            merge(data[key], old, new)
+        elif key not in after:
+            data.pop(key, None)
+        elif old != new or key not in before:
+            data[key] = new

@@ -57,7 +57,7 @@ class Summary:
     thumbs: list[Thumb] = dataclasses.field(default_factory=list)
 
 
-class Readings:
+class Recordings:
     """Recordings of a folder as they were read last."""
 
     def __init__(self, folder: Path) -> None:

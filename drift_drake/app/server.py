@@ -55,11 +55,11 @@ def serve(folder: Path, port: int, ready: Callable[[str], None]) -> None:
         raise MissingExtraError("the workbench", error.name or "nicegui", "app") from None
     from drift_drake.app.jobs import Jobs
     from drift_drake.app.pages.steps import add_pages
-    from drift_drake.app.readings import Readings
+    from drift_drake.app.readings import Recordings
     from drift_drake.app.uploads import take
 
     project, token = Project(folder), secrets.token_urlsafe(24)
-    readings, jobs = Readings(folder), Jobs(project)
+    readings, jobs = Recordings(folder), Jobs(project)
     number = listening.getsockname()[1]
     address = f"http://{LOOPBACK}:{number}/?token={token}"
 
@@ -79,11 +79,11 @@ def serve(folder: Path, port: int, ready: Callable[[str], None]) -> None:
         return FileResponse(path, headers={"content-security-policy": FRAMED, "cache-control": "no-store"})
 
     @site.post("/upload")
-    async def upload(request: Request, name: str) -> Response:
+    async def upload(request: Request, name: str) -> dict[str, str]:
         try:
-            return PlainTextResponse(await take(project, readings, name, request.stream()))
+            return {"taken": await take(project, readings, name, request.stream())}
         except DriftDrakeError as error:
-            return PlainTextResponse(str(error), 422)
+            return {"refused": str(error)}
 
     add_pages(project, readings, jobs)
     ui.run_with(site, title="drift_drake", dark=None, language="en-US", tailwind=False, favicon=FAVICON,

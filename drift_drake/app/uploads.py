@@ -5,7 +5,7 @@ from pathlib import Path
 
 from drift_drake.app.pages.parts import quietly
 from drift_drake.app.project import Project
-from drift_drake.app.readings import Readings
+from drift_drake.app.readings import Recordings
 from drift_drake.common.errors import DriftDrakeError, OutputError
 from drift_drake.common.safe_files import replacing
 
@@ -30,7 +30,7 @@ def file_name(asked: str) -> str:
     return name
 
 
-async def take(project: Project, readings: Readings, asked: str, pieces: AsyncIterator[bytes]) -> str:
+async def take(project: Project, readings: Recordings, asked: str, pieces: AsyncIterator[bytes]) -> str:
     """Writes a file that is sent, and says what it holds.
 
     Raises:

@@ -8,10 +8,10 @@ from drift_drake.app.jobs import Jobs
 from drift_drake.app.pages.diagnose import answer_of
 from drift_drake.app.pages.parts import box, frame_of, run_button, saying, section, text
 from drift_drake.app.project import Project
-from drift_drake.app.readings import Readings
+from drift_drake.app.readings import Recordings
 
 
-def apply_page(project: Project, _readings: Readings, jobs: Jobs, data: dict[str, Any]) -> None:
+def apply_page(project: Project, _readings: Recordings, jobs: Jobs, data: dict[str, Any]) -> None:
     """The page's content."""
     days = [day for day in project.days(data) if answer_of(project, day) is not None]
     if not days:

@@ -20,7 +20,7 @@ from drift_drake.app.pages.parts import (
     text,
 )
 from drift_drake.app.project import CALIBRATED, CALIBRATION, CALIBRATION_REPORT, Project
-from drift_drake.app.readings import Readings
+from drift_drake.app.readings import Recordings
 from drift_drake.common.errors import DriftDrakeError, significant
 from drift_drake.common.plain_files import read_json
 from drift_drake.gap.identification.options import CarKind, Criterion
@@ -29,7 +29,7 @@ HEAD = ("parameter", "first guess", "estimate", "95 % interval", "note")
 KINDS = {"known": "held by its tolerance", "unseen": "kept: not shown by these drives"}
 
 
-def calibrate_page(project: Project, _readings: Readings, jobs: Jobs, data: dict[str, Any]) -> None:
+def calibrate_page(project: Project, _readings: Recordings, jobs: Jobs, data: dict[str, Any]) -> None:
     """The page's content."""
     stage = stages.calibrate(project, data)
     with section("Calibration"):

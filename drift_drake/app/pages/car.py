@@ -11,7 +11,7 @@ from drift_drake.app import stages
 from drift_drake.app.jobs import Jobs
 from drift_drake.app.pages.parts import box, button, choice, field, number, section, text
 from drift_drake.app.project import CALIBRATED, CAR, FILE, MAPPING, Project
-from drift_drake.app.readings import Readings
+from drift_drake.app.readings import Recordings
 from drift_drake.car.parameters import WORDS, Tolerance, VehicleParameters
 from drift_drake.car.templates import TEMPLATES
 from drift_drake.car.vehicle_file import SIZES, check_plausible, ratios, read_vehicle, write_vehicle
@@ -21,7 +21,7 @@ UNITS = {"front_axle_distance": "m", "steering_offset": "rad"}  # of tolerances 
 OWN = "described below"
 
 
-def car_page(project: Project, _readings: Readings, _jobs: Jobs, data: dict[str, Any]) -> None:
+def car_page(project: Project, _readings: Recordings, _jobs: Jobs, data: dict[str, Any]) -> None:
     """The page's content."""
     with section("Which car"):
         files = {CAR: f"{CAR}, {OWN}", **{name: name for name in _vehicle_files(project)}}

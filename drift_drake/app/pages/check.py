@@ -13,11 +13,11 @@ from drift_drake.app.pages.figures import bars, cloud
 from drift_drake.app.pages.logs import set_of_day
 from drift_drake.app.pages.parts import box, button, field, later, number, quietly, run_button, saying, section, text
 from drift_drake.app.project import Project
-from drift_drake.app.readings import Readings
+from drift_drake.app.readings import Recordings
 from drift_drake.common.errors import DriftDrakeError
 
 
-def check_page(project: Project, _readings: Readings, jobs: Jobs, data: dict[str, Any]) -> None:
+def check_page(project: Project, _readings: Recordings, jobs: Jobs, data: dict[str, Any]) -> None:
     """The page's content."""
     script = (resources.files("drift_drake.app.pages") / "trim.js").read_text()
     ui.add_body_html(f"<script>{script}</script>")

@@ -5,12 +5,11 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-import yaml
 from nicegui import ui
 
 from drift_drake.app import stages
 from drift_drake.app.jobs import Jobs
-from drift_drake.app.mapping_edits import edit, first_mapping, look_command, set_global
+from drift_drake.app.mapping_edits import edit, first_mapping, look_command, merge, set_global
 from drift_drake.app.pages.figures import MEASURED, RUNS, Chart
 from drift_drake.app.pages.frame import own_edit
 from drift_drake.app.pages.parts import (
@@ -27,7 +26,7 @@ from drift_drake.app.pages.parts import (
     text,
 )
 from drift_drake.app.project import Project
-from drift_drake.app.readings import Readings
+from drift_drake.app.readings import Recordings
 from drift_drake.common.errors import DriftDrakeError, significant
 from drift_drake.gap.logs.wording.conversion import units_of
 
@@ -49,7 +48,7 @@ SIGNS = {"1": "+", "-1": "- (turned)"}
 LOOKED_AT = 300.0  # [s] of a recording, that what is said of the columns at once is judged by
 
 
-def columns_page(project: Project, readings: Readings, jobs: Jobs, data: dict[str, Any]) -> None:
+def columns_page(project: Project, readings: Recordings, jobs: Jobs, data: dict[str, Any]) -> None:
     """The page's content."""
     names = [name for day in project.days(data).values() for name in day]
     if not names:
@@ -60,7 +59,7 @@ def columns_page(project: Project, readings: Readings, jobs: Jobs, data: dict[st
         return
     view = _View(project, readings, jobs, names[0])
     if len(names) > 1:
-        choice("Recording that is shown", {name: name for name in names}, names[0], view.other)
+        choice("Recording that is shown", {name: Path(name).name for name in names}, names[0], view.other)
     with box("div", "pair"):
         with section("Quantities"):
             view.rows = box("div")
@@ -83,7 +82,7 @@ class _View:
     said: Any
     imports: Any
 
-    def __init__(self, project: Project, readings: Readings, jobs: Jobs, name: str) -> None:
+    def __init__(self, project: Project, readings: Recordings, jobs: Jobs, name: str) -> None:
         self.project, self.readings, self.jobs, self.name = project, readings, jobs, name
 
     async def draw(self) -> None:
@@ -119,10 +118,9 @@ class _View:
 
     async def draw_rows(self) -> None:
         """A row a quantity: those that are chosen, and the others folded."""
-        mapping = self.project.mapping() or {}
-        signals = mapping.get("signals")
-        signals = signals if isinstance(signals, dict) else {}
-        ranked = await quietly(_ranked, self.readings, self.name, signals)
+        ranked = await quietly(_ranked, self.readings, self.name, _signals(self.project.mapping()))
+        mapping = self.project.mapping() or {}  # as it is by now
+        signals = _signals(mapping)
         self.rows.clear()
         with self.rows:
             if isinstance(ranked, str):
@@ -140,16 +138,17 @@ class _View:
 
     async def compare(self) -> None:
         """What looks wrong, and the overlays."""
-        found = await quietly(_previewed, self.readings, self.name, self.project.mapping() or {})
+        before = self.project.mapping() or {}
+        found = await quietly(_previewed, self.readings, self.name, before)
         self.said.clear()
         with self.said:
             if isinstance(found, str):
                 text("p", found, "refusal")
                 return
-            _remarks(self, *found)
+            _remarks(self, before, *found)
 
 
-def _first(project: Project, readings: Readings, name: str) -> None:
+def _first(project: Project, readings: Recordings, name: str) -> None:
     """Offers the mapping that `import --look` guesses."""
     with section("A first mapping"):
         text("p", "Columns, units and frame are guessed from names and numbers; you correct what is wrong.")
@@ -166,13 +165,18 @@ def _first(project: Project, readings: Readings, name: str) -> None:
             text("code", look_command(name))
 
 
-def _ranked(readings: Readings, name: str, signals: dict[str, Any]) -> Any:
+def _ranked(readings: Recordings, name: str, signals: dict[str, Any]) -> Any:
     from drift_drake.gap.logs.importing.candidates import ranked
 
     try:
         return ranked(readings.topics(name), signals)
     except DriftDrakeError as error:
         return str(error)
+
+
+def _signals(mapping: dict[str, Any] | None) -> dict[str, Any]:
+    signals = (mapping or {}).get("signals")
+    return signals if isinstance(signals, dict) else {}
 
 
 def _globals(view: _View, mapping: dict[str, Any]) -> None:
@@ -245,7 +249,7 @@ def _said(one: Any) -> str:
     return f"{one.column}{why}{' (by its name)' if one.named and not one.says else ''}"
 
 
-def _previewed(readings: Readings, name: str, mapping: dict[str, Any]) -> Any:
+def _previewed(readings: Recordings, name: str, mapping: dict[str, Any]) -> Any:
     from drift_drake.gap.logs.importing.importer import PERIOD
     from drift_drake.gap.logs.importing.preview import preview
     from drift_drake.gap.logs.screening.overlays import overlays
@@ -258,15 +262,15 @@ def _previewed(readings: Readings, name: str, mapping: dict[str, Any]) -> Any:
         return str(error)
 
 
-def _remarks(view: _View, found: Any, overlays: list[Any]) -> None:
+def _remarks(view: _View, before: dict[str, Any], found: Any, overlays: list[Any]) -> None:
     if found.refused:
         with box("div", "refusal", role="alert"):
             text("p", f"The import would be refused: {found.refused.sentence}")
-            _offered(view, found.refused)
+            _offered(view, before, found.refused)
     for remark in found.remarks:
         with box("div", "warning"):
             text("p", remark.sentence)
-            _offered(view, remark)
+            _offered(view, before, remark)
     if not found.refused and not found.remarks and found.pieces:
         text("p", "Signs and units: nothing looks wrong.", "verdict")
     if found.unchecked:
@@ -278,16 +282,12 @@ def _remarks(view: _View, found: Any, overlays: list[Any]) -> None:
         Chart([(f"{one.column} [{one.unit}]", lines)], f"{one.column} against {one.against}", 150)
 
 
-def _offered(view: _View, remark: Any) -> None:
+def _offered(view: _View, before: dict[str, Any], remark: Any) -> None:
     """A button for each way to put it right."""
     with box("div", "run"):
         for fix in remark.fixes:
-            button(fix.label[0].upper() + fix.label[1:], partial(_fixed, view, fix))
+            button(fix.label[0].upper() + fix.label[1:], partial(_fixed, view, before, fix))
 
 
-async def _fixed(view: _View, fix: Any) -> None:
-    def put(data: dict[str, Any]) -> None:
-        data.clear()
-        data.update(yaml.safe_load(yaml.safe_dump(fix.mapping, sort_keys=False)))
-
-    await view.edit(put, again=True)
+async def _fixed(view: _View, before: dict[str, Any], fix: Any) -> None:
+    await view.edit(lambda data: merge(data, before, fix.mapping), again=True)

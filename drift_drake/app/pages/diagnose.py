@@ -7,7 +7,7 @@ from drift_drake.app import stages
 from drift_drake.app.jobs import Jobs
 from drift_drake.app.pages.parts import box, frame_of, run_button, section, table, text, tick
 from drift_drake.app.project import CALIBRATED, Project
-from drift_drake.app.readings import Readings
+from drift_drake.app.readings import Recordings
 from drift_drake.car.effects.catalogue import CATALOGUE
 from drift_drake.common.errors import DriftDrakeError, significant
 from drift_drake.gap.diagnosis.answers.answer import Answer, read_answer
@@ -15,7 +15,7 @@ from drift_drake.gap.diagnosis.answers.answer import Answer, read_answer
 HEAD = ("day", "verdict", "what", "size (95 %)", "probability", "errors removed", "state")
 
 
-def diagnose_page(project: Project, _readings: Readings, jobs: Jobs, data: dict[str, Any]) -> None:
+def diagnose_page(project: Project, _readings: Recordings, jobs: Jobs, data: dict[str, Any]) -> None:
     """The page's content."""
     days = [day for day in project.days(data) if project.runs(day)]
     if not days:

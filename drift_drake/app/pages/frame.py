@@ -14,6 +14,10 @@ from drift_drake.app.project import MAPPING, Project
 from drift_drake.common.errors import DriftDrakeError
 
 POLL = 0.5  # [s]
+# A chart that is taken off the page is told of its last resize, which plotly answers by a rejection.
+QUIET = """<script>addEventListener("unhandledrejection", event => {
+  if (String(event.reason?.message ?? event.reason).startsWith("Resize must be passed")) event.preventDefault();
+});</script>"""
 # Of each window what it has shown, and what draws its way through the steps.
 SEEN: WeakKeyDictionary[Any, tuple[tuple[Any, ...], Callable[[], Any]]] = WeakKeyDictionary()
 
@@ -40,6 +44,7 @@ STEPS = (
 def page(project: Project, jobs: Jobs, step: Step, draw: Callable[[dict[str, Any]], None]) -> None:
     """One page: the frame, and what `draw` makes of the project file's content."""
     ui.add_head_html(f"<style>{(resources.files('drift_drake.app.pages') / 'look.css').read_text()}</style>")
+    ui.add_head_html(QUIET)
     ui.page_title(f"{step.name} - {folder_name(project)} - drift_drake")
     client = ui.context.client
     way = ui.refreshable(_way)

@@ -2,6 +2,7 @@
 
 import json
 from importlib import resources
+from pathlib import Path
 from typing import Any
 
 from nicegui import ui
@@ -11,7 +12,7 @@ from drift_drake.app.jobs import Jobs
 from drift_drake.app.pages.figures import thumbnail
 from drift_drake.app.pages.parts import box, field, later, quietly, section, text, tick
 from drift_drake.app.project import Project
-from drift_drake.app.readings import Readings, Summary
+from drift_drake.app.readings import Recordings, Summary
 
 FORMATS = (
     "CSV and other text tables, Parquet, MCAP, ROS bags, MDF, MATLAB .mat, .npz, HDF5, VBOX .vbo, AiM .xrk, PX4 .ulg; "
@@ -19,7 +20,7 @@ FORMATS = (
 )
 
 
-def logs_page(project: Project, readings: Readings, _jobs: Jobs, data: dict[str, Any]) -> None:
+def logs_page(project: Project, readings: Recordings, _jobs: Jobs, data: dict[str, Any]) -> None:
     """The page's content."""
     script = (resources.files("drift_drake.app.pages") / "upload.js").read_text()
     ui.add_body_html(f"<script>{script}</script>")
@@ -48,12 +49,12 @@ def logs_page(project: Project, readings: Readings, _jobs: Jobs, data: dict[str,
     text("p", "Next: Columns.", "note")
 
 
-def _recording(project: Project, readings: Readings, name: str, data: dict[str, Any]) -> None:
+def _recording(project: Project, readings: Recordings, name: str, data: dict[str, Any]) -> None:
     chosen = str(data["recordings"].get(name) or "")
     with box("article", "part", aria_label=name, draggable="true") as card:
         card.on("dragstart", js_handler=f"(e) => e.dataTransfer.setData('text/plain', {_quoted(name)})")
-        text("h3", name)
-        field("day (empty: not used)", chosen, lambda day: assign(project, name, day), kind="text", of=name,
+        text("h3", Path(name).name)
+        field("day (empty: not used)", chosen, lambda day: assign(project, name, day), kind="text", of=Path(name).name,
               list="days", maxlength="40")  # fmt: skip
         about = box("div")
         with about:
@@ -95,7 +96,7 @@ def _day(project: Project, day: str, recordings: list[str], data: dict[str, Any]
                 js_handler="(e) => { e.preventDefault(); emit(e.dataTransfer.getData('text/plain')); }")  # fmt: skip
         text("h3", day)
         runs = project.runs(day)
-        listed = ", ".join(recordings) if recordings else f"a folder of {len(runs)} runs"
+        listed = ", ".join(Path(name).name for name in recordings) if recordings else f"a folder of {len(runs)} runs"
         text("p", listed, "note")
         with box("div", "fields"):
             tick(f"calibrate on {day}", day in stages.baseline(project, data),

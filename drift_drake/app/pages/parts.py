@@ -19,31 +19,31 @@ VALUE = "(e) => emit(e.target.value)"
 CHECKED = "(e) => emit(e.target.checked ? '1' : '')"
 
 
-def text(tag: str, words: str, style: str = "", **more: str) -> Element:
-    """An element with a text; `style`: its classes."""
+def text(tag: str, words: str, classes: str = "", **more: str) -> Element:
+    """An element with a text, and attributes."""
     element: Element = getattr(html, tag)(words)
     element.props.update({name.replace("_", "-"): value for name, value in more.items()})
-    return element.classes(style) if style else element
+    return element.classes(classes) if classes else element
 
 
-def box(tag: str = "div", style: str = "", **more: str) -> Element:
+def box(tag: str = "div", classes: str = "", **more: str) -> Element:
     """An element to be filled in a `with` block."""
     element: Element = getattr(html, tag)()
     element.props.update({name.replace("_", "-"): value for name, value in more.items()})
-    return element.classes(style) if style else element
+    return element.classes(classes) if classes else element
 
 
-def section(title: str, style: str = "") -> Element:
+def section(title: str, classes: str = "") -> Element:
     """A part of a page under a heading, to be filled in a `with` block."""
-    element = box("section", f"part {style}", aria_label=title)
+    element = box("section", f"part {classes}", aria_label=title)
     with element:
         text("h2", title)
     return element
 
 
-def button(words: str, does: Callable[[], Any], style: str = "", label: str = "", off: bool = False) -> Element:
+def button(words: str, does: Callable[[], Any], classes: str = "", label: str = "", off: bool = False) -> Element:
     """A button; label: what a screen reader says, where the words alone are too few."""
-    element = text("button", words, style, type="button")
+    element = text("button", words, classes, type="button")
     if label:
         element.props["aria-label"] = label
     if off:

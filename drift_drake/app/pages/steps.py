@@ -15,10 +15,10 @@ from drift_drake.app.pages.diagnose import diagnose_page
 from drift_drake.app.pages.frame import STEPS, page
 from drift_drake.app.pages.logs import logs_page
 from drift_drake.app.project import Project
-from drift_drake.app.readings import Readings
+from drift_drake.app.readings import Recordings
 
 
-def add_pages(project: Project, readings: Readings, jobs: Jobs) -> None:
+def add_pages(project: Project, readings: Recordings, jobs: Jobs) -> None:
     """Adds the pages to NiceGUI's app."""
     draws: dict[str, Any] = {
         "Logs": logs_page, "Columns": columns_page, "Car": car_page, "Check": check_page, "Calibrate": calibrate_page,
@@ -28,5 +28,5 @@ def add_pages(project: Project, readings: Readings, jobs: Jobs) -> None:
         ui.page(step.path)(partial(_show, project, readings, jobs, step, draws[step.name]))
 
 
-def _show(project: Project, readings: Readings, jobs: Jobs, step: Any, draw: Any) -> None:
+def _show(project: Project, readings: Recordings, jobs: Jobs, step: Any, draw: Any) -> None:
     page(project, jobs, step, partial(draw, project, readings, jobs))

@@ -9,15 +9,13 @@
     return line;
   };
   const send = async files => {
-    let well = true;
     for (const file of files) {
       const line = said(`${file.name}: is being read`);
       try {
         const done = await fetch(`/upload?name=${encodeURIComponent(file.name)}`, { method: "POST", body: file });
-        const words = (await done.text()).trim();
+        const { taken, refused } = await done.json();
         line?.remove();
-        said(words, !done.ok);
-        well = well && done.ok;
+        said(taken ?? refused, refused !== undefined);
       } catch {
         line?.remove();
         said(`${file.name}: could not be sent; is the workbench still running, and the file at most 1 GB?`, true);

@@ -17,7 +17,7 @@ from drift_drake.gap.logs.wording.conversion import dimensions_of, to_iso8855
 SLOWEST = 0.5  # [m/s] below which a rate of sideslip is not asked
 
 
-class Candidate(NamedTuple):
+class RankedColumn(NamedTuple):
     """A column that may be a quantity.
 
     likeness: its correlation with what other columns say of it (0: nothing says anything); says: what that is; unit:
@@ -31,7 +31,7 @@ class Candidate(NamedTuple):
     named: bool
 
 
-def ranked(topics: Sequence[Topic], signals: Mapping[str, Mapping[str, Any]]) -> dict[str, list[Candidate]]:
+def ranked(topics: Sequence[Topic], signals: Mapping[str, Mapping[str, Any]]) -> dict[str, list[RankedColumn]]:
     """Columns of numbers by quantity, best first: those that motion speaks for, then those whose names do, the rest.
 
     Args:
@@ -54,7 +54,7 @@ def ranked(topics: Sequence[Topic], signals: Mapping[str, Mapping[str, Any]]) ->
             size, says = max(told, default=(0.0, ""))
             unit = _unit(quantity, choice) if by_name is None or by_name.unit in (None, "?") else str(by_name.unit)
             order = (-round(size, 2) if size > LIKE else 0.0, 99.0 if by_name is None else by_name.rank, -size)
-            rows.append((order, Candidate(choice.column, max(size, 0.0), says, unit, by_name is not None)))
+            rows.append((order, RankedColumn(choice.column, max(size, 0.0), says, unit, by_name is not None)))
         found[quantity] = [candidate for _, candidate in sorted(rows, key=lambda row: row[0])]
     return found
 

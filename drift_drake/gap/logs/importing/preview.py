@@ -12,7 +12,6 @@ from drift_drake.gap.logs.importing.checks import doubts_of
 from drift_drake.gap.logs.importing.fixes import Fix, fixes, fixes_of_refusal
 from drift_drake.gap.logs.importing.formats.topics import Topic
 from drift_drake.gap.logs.importing.importer import PERIOD, Piece, as_run, pieces_of
-from drift_drake.gap.logs.importing.known import missing_quantities
 from drift_drake.gap.logs.importing.mapping import RecorderMapping, mapping_from_dict
 from drift_drake.gap.logs.importing.recording import read_recording
 
@@ -49,9 +48,6 @@ def preview(
     """
     try:
         mapping = mapping_from_dict(dict(data), "mapping.yaml")
-        if missing := missing_quantities(mapping):
-            said = f"nothing is chosen for {', '.join(missing)} yet; a log needs r, v and delta_cmd"
-            return Preview([], [], Remark(said))
         recording = read_recording(path, mapping, (), topics)
         pieces, _, said = pieces_of(Path(path), recording.name, recording, mapping, start, end)
         doubts, wrong = doubts_of([(piece.label, piece.columns) for piece in pieces], PERIOD, mapping)

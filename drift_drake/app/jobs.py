@@ -22,6 +22,7 @@ CANCELLED = "was cancelled; files are as they were before"
 LOST = (
     "was cut off when the workbench ended; files are as they were before, and what it had computed is lost: run it anew"
 )
+PROGRAM = "import sys; sys.path[:] = {path!r}; from drift_drake.__main__ import main; sys.exit(main())"
 GRACE = 5.0  # [s] for a command to end by itself
 
 
@@ -89,7 +90,8 @@ class Jobs:
                 os.killpg(job.process.pid, signal.SIGKILL)
 
     def _run(self, job: RunningCommand, digest: str) -> None:
-        words = [sys.executable, "-m", "drift_drake", *job.stage.words]
+        path = [entry for entry in sys.path if entry]  # of this process: no module of the project's folder
+        words = [sys.executable, "-P", "-c", PROGRAM.format(path=path), *job.stage.words]
         stamps = job.stage.stamps()
         job.stage.before()
         environment = {**os.environ, "PYTHONUNBUFFERED": "1", "NO_COLOR": "1", "COLUMNS": "120"}

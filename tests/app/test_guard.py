@@ -26,8 +26,8 @@ async def _site(scope, receive, send):
 def asked(query="", kind="http", body=(b"",), **headers):
     """Status (a close code of a websocket), headers and text of an answer."""
     headers = {"host": HOST, **headers}
-    scope = {"type": kind, "path": "/columns", "query_string": query.encode(),
-             "headers": [(name.replace("_", "-").encode(), text.encode()) for name, text in headers.items()]}  # fmt: skip
+    raw = [(name.replace("_", "-").encode(), text.encode()) for name, text in headers.items()]
+    scope = {"type": kind, "path": "/columns", "query_string": query.encode(), "headers": raw}
     sent, pieces = [], list(body)
 
     async def receive():

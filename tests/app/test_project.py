@@ -6,7 +6,7 @@ import pytest
 import yaml
 
 from drift_drake.app import stages
-from drift_drake.app.jobs import LOST, RunningCommand, Jobs
+from drift_drake.app.jobs import LOST, Jobs, RunningCommand
 from drift_drake.app.mapping_edits import edit, merge, set_global
 from drift_drake.app.project import InvalidProjectError, Project
 from drift_drake.app.uploads import UnusableUploadError, file_name

@@ -67,11 +67,11 @@ def test_one_click_puts_a_mistake_right(recording, wrong, label):
 
 
 def test_a_fix_leaves_the_mapping_that_it_is_of_as_it_was(recording):
-    data = mapped(beta={"scale": 57.3})
+    data = mapped(ay={"unit": "g"})
     before = copy.deepcopy(data)
     (remark,) = preview(*recording, data).remarks
     assert data == before
-    assert remark.fixes[0].mapping["signals"]["beta"]["unit"] == "deg"
+    assert remark.fixes[0].mapping["signals"]["ay"]["unit"] == "m/s^2"
     assert {**remark.fixes[0].mapping, "signals": None} == {**before, "signals": None}
 
 

@@ -12,6 +12,7 @@ from drift_drake.app.jobs import Jobs
 from drift_drake.app.pages.parts import box, button, choice, field, number, section, text
 from drift_drake.app.project import CALIBRATED, CAR, FILE, MAPPING, Project
 from drift_drake.app.readings import Recordings
+from drift_drake.car.effects.magnitudes import magnitudes_of
 from drift_drake.car.parameters import WORDS, Tolerance, VehicleParameters
 from drift_drake.car.templates import TEMPLATES
 from drift_drake.car.vehicle_file import SIZES, check_plausible, ratios, read_vehicle, write_vehicle
@@ -80,7 +81,7 @@ def _form(path: Path, vehicle: VehicleParameters, effects: Any) -> None:
                 unit = UNITS.get(known.name, "")
                 field(f"tolerance of {known.name}", float(getattr(vehicle.tolerance, known.name)),
                       partial(know, known.name), unit=unit)  # fmt: skip
-    if magnitudes := {name: q for name, q in dataclasses.asdict(effects).items() if q} if effects else {}:
+    if magnitudes := magnitudes_of(effects):
         text("p", f"Effects that the file has in addition: {', '.join(magnitudes)}.", "note")
 
 

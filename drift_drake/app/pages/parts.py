@@ -80,7 +80,7 @@ def field(
 def tick(label: str, value: bool, changed: Callable[[bool], Any]) -> Element:
     """A checkbox."""
     with box("label", "tick"):
-        element = box("input_", type="checkbox")
+        element = box("input_", type="checkbox", aria_label=label)
         if value:
             element.props["checked"] = True
         text("span", label)
@@ -149,8 +149,8 @@ def run_button(stage: Stage, jobs: Jobs, data: Mapping[str, Any], words: str) ->
 
 
 def saying(stage: Stage, data: Mapping[str, Any], label: str) -> None:
-    """What a command printed."""
-    if said := stage.said(data):
+    """What a command printed; of one that was refused, its button says it."""
+    if stage.state(data) in ("done", "stale") and (said := stage.said(data)):
         with box("details"):
             text("summary", label)
             text("pre", said)

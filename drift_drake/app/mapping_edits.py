@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from drift_drake.app.project import MAPPING, Project
-from drift_drake.app.readings import Recordings
+from drift_drake.app.recordings import Recordings
 from drift_drake.common.safe_files import write_text
 from drift_drake.common.units import DIMENSIONS
 from drift_drake.gap.logs.wording.conversion import QUANTITIES, dimension

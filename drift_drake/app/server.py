@@ -55,7 +55,7 @@ def serve(folder: Path, port: int, ready: Callable[[str], None]) -> None:
         raise MissingExtraError("the workbench", error.name or "nicegui", "app") from None
     from drift_drake.app.jobs import Jobs
     from drift_drake.app.pages.steps import add_pages
-    from drift_drake.app.readings import Recordings
+    from drift_drake.app.recordings import Recordings
     from drift_drake.app.uploads import take
 
     project, token = Project(folder), secrets.token_urlsafe(24)

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from drift_drake.app.pages.parts import quietly
 from drift_drake.app.project import Project
-from drift_drake.app.readings import Recordings
+from drift_drake.app.recordings import Recordings
 from drift_drake.common.errors import DriftDrakeError, OutputError
 from drift_drake.common.safe_files import replacing
 

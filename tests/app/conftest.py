@@ -45,7 +45,7 @@ class Window:
         self.context = browser.new_context(viewport={"width": width, "height": 900}, color_scheme=scheme)
         self.page = self.context.new_page()
         self.page.set_default_timeout(1000.0 * WAIT)
-        self.site, self.wrong = workbench.site, []
+        self.folder, self.site, self.wrong = workbench.folder, workbench.site, []
         self.page.on("console", lambda m: self.wrong.append(m.text) if m.type == "error" else None)
         self.page.on("pageerror", lambda error: self.wrong.append(str(error)))
         self.page.on("request", lambda request: self._asked(request.url))

@@ -1,4 +1,4 @@
-"""The workbench in a real browser: all pages, wrong units that a click puts right, refusals, two windows, the keyboard."""
+"""The workbench in a real browser: its pages, wrong units put right by a click, refusals, two windows, the keyboard."""
 
 import sys
 from pathlib import Path
@@ -106,6 +106,17 @@ def test_a_file_that_cannot_be_read_is_refused_and_not_kept(workbench, window, t
     one.page.get_by_label("Choose recordings").set_input_files(tmp_path / "bad.mat")
     one.page.locator("#uploads .refusal", has_text="bad.mat: cannot be read").wait_for()
     assert not (workbench.folder / "recordings" / "bad.mat").exists()
+
+
+def test_signals_are_looked_at_as_finely_as_one_zooms(workbench, window):
+    page = window(workbench).page
+    card = page.get_by_role("article", name="lap.csv")
+    card.get_by_text("8 channels").click()
+    card.get_by_role("button", name="YawRate").click()
+    card.get_by_role("button", name="VehSpd").click()
+    card.locator(".js-plotly-plot .xy, .js-plotly-plot .xy2").nth(1).wait_for()
+    card.get_by_role("button", name="YawRate").click()
+    page.wait_for_function("document.querySelectorAll('.js-plotly-plot .scatterlayer .trace').length == 1")
 
 
 def test_names_of_files_are_texts(workbench, window):

@@ -8,7 +8,7 @@ from drift_drake.app.jobs import Jobs
 from drift_drake.app.pages.diagnose import answer_of
 from drift_drake.app.pages.parts import box, frame_of, run_button, saying, section, text
 from drift_drake.app.project import Project
-from drift_drake.app.readings import Recordings
+from drift_drake.app.recordings import Recordings
 
 
 def apply_page(project: Project, _readings: Recordings, jobs: Jobs, data: dict[str, Any]) -> None:

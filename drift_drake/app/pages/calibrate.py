@@ -20,7 +20,7 @@ from drift_drake.app.pages.parts import (
     text,
 )
 from drift_drake.app.project import CALIBRATED, CALIBRATION, CALIBRATION_REPORT, Project
-from drift_drake.app.readings import Recordings
+from drift_drake.app.recordings import Recordings
 from drift_drake.common.errors import DriftDrakeError, significant
 from drift_drake.common.plain_files import read_json
 from drift_drake.gap.identification.options import CarKind, Criterion

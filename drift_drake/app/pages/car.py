@@ -11,7 +11,7 @@ from drift_drake.app import stages
 from drift_drake.app.jobs import Jobs
 from drift_drake.app.pages.parts import box, button, choice, field, number, section, text
 from drift_drake.app.project import CALIBRATED, CAR, FILE, MAPPING, Project
-from drift_drake.app.readings import Recordings
+from drift_drake.app.recordings import Recordings
 from drift_drake.car.effects.magnitudes import magnitudes_of
 from drift_drake.car.parameters import WORDS, Tolerance, VehicleParameters
 from drift_drake.car.templates import TEMPLATES

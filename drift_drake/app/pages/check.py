@@ -13,7 +13,7 @@ from drift_drake.app.pages.figures import bars, cloud
 from drift_drake.app.pages.logs import set_of_day
 from drift_drake.app.pages.parts import box, button, field, later, number, quietly, run_button, saying, section, text
 from drift_drake.app.project import Project
-from drift_drake.app.readings import Recordings
+from drift_drake.app.recordings import Recordings
 from drift_drake.common.errors import DriftDrakeError
 
 

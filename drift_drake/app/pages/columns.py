@@ -26,7 +26,7 @@ from drift_drake.app.pages.parts import (
     text,
 )
 from drift_drake.app.project import Project
-from drift_drake.app.readings import Recordings
+from drift_drake.app.recordings import Recordings
 from drift_drake.common.errors import DriftDrakeError, significant
 from drift_drake.gap.logs.wording.conversion import units_of
 

@@ -7,7 +7,7 @@ from drift_drake.app import stages
 from drift_drake.app.jobs import Jobs
 from drift_drake.app.pages.parts import box, frame_of, run_button, section, table, text, tick
 from drift_drake.app.project import CALIBRATED, Project
-from drift_drake.app.readings import Recordings
+from drift_drake.app.recordings import Recordings
 from drift_drake.car.effects.catalogue import CATALOGUE
 from drift_drake.common.errors import DriftDrakeError, significant
 from drift_drake.gap.diagnosis.answers.answer import Answer, read_answer

@@ -1,13 +1,14 @@
 """Drawings: thumbnails and bars as SVG and HTML, time series as plotly's figures, in the colours of the page."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
 from nicegui import html, ui
+from nicegui.element import Element
 
 from drift_drake.app.pages.parts import box, text
-from drift_drake.app.readings import Thumb, decimated
+from drift_drake.app.recordings import Thumb, decimated
 from drift_drake.common.arrays import Array
 from drift_drake.common.errors import significant
 
@@ -18,19 +19,19 @@ POINTS = 1600  # of a line on the screen
 Line = tuple[str, Array, Array, str]  # name, t, values, colour
 
 
-def thumbnail(one: Thumb) -> None:
-    """A column's course, its name, unit and range."""
+def thumbnail(one: Thumb, chosen: Callable[[], Any]) -> Element:
+    """A button that shows a column's course, its name, unit and range."""
     unit = f" [{one.unit}]" if one.unit else ""
     span = "" if one.low is None or one.high is None else f"{significant(one.low, 4)} to {significant(one.high, 4)}"
-    with box("div", "thumb"):
+    with box("button", "thumb", type="button", aria_pressed="false") as element:
         text("b", f"{one.column}{unit}")
         svg = ui.element("svg")
-        label = f"{one.column}, {span}{unit}"
-        svg.props.update({"viewBox": "0 0 100 20", "preserveAspectRatio": "none", "role": "img", "aria-label": label})
+        svg.props.update({"viewBox": "0 0 100 20", "preserveAspectRatio": "none", "aria-hidden": "true"})
         with svg:
             path = ui.element("path").classes("line")
             path.props["d"] = _path(one.values)
         text("i", span)
+    return element.on("click", lambda _: chosen(), js_handler="() => emit()")
 
 
 def _path(values: Sequence[float | None]) -> str:

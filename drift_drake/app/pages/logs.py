@@ -1,6 +1,7 @@
 """Logs: recordings, what they hold, and the day that each belongs to."""
 
 import json
+from functools import partial
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -9,11 +10,13 @@ from nicegui import ui
 
 from drift_drake.app import stages
 from drift_drake.app.jobs import Jobs
-from drift_drake.app.pages.figures import thumbnail
+from drift_drake.app.pages.figures import RUNS, Chart, thumbnail
 from drift_drake.app.pages.parts import box, field, later, quietly, section, text, tick
 from drift_drake.app.project import Project
-from drift_drake.app.readings import Recordings, Summary
+from drift_drake.app.recordings import Recordings, Summary
+from drift_drake.common.errors import DriftDrakeError
 
+MOST_SHOWN = 6  # signals in one chart
 FORMATS = (
     "CSV and other text tables, Parquet, MCAP, ROS bags, MDF, MATLAB .mat, .npz, HDF5, VBOX .vbo, AiM .xrk, PX4 .ulg; "
     "at most 1 GB each (put larger ones into the folder yourself)"
@@ -64,12 +67,12 @@ def _recording(project: Project, readings: Recordings, name: str, data: dict[str
         summary = await quietly(readings.summary, name)
         about.clear()
         with about:
-            _summary(summary)
+            _summary(readings, name, summary)
 
     later(shown)
 
 
-def _summary(summary: Summary) -> None:
+def _summary(recordings: Recordings, name: str, summary: Summary) -> None:
     if summary.found is None:
         with box("div", "refusal", role="alert"):
             text("p", summary.refused)
@@ -82,11 +85,36 @@ def _summary(summary: Summary) -> None:
         if topic.left_out:
             left = ", ".join(f"{column} ({why})" for column, why in topic.left_out.items())
             text("p", f"left out: {left}", "note")
+    chosen: list[str] = []
+    buttons: dict[str, Any] = {}
+
+    async def toggle(column: str) -> None:
+        chosen.remove(column) if column in chosen else chosen.append(column)
+        del chosen[:-MOST_SHOWN]
+        for other, element in buttons.items():
+            element.props["aria-pressed"] = "true" if other in chosen else "false"
+        lines = await quietly(_signals, recordings, name, list(chosen))
+        signals.clear()
+        with signals:
+            if lines:
+                Chart(lines, f"Signals of {name}", 130)
+
     with box("details"):
         text("summary", f"{len(summary.thumbs)} channels")
+        text("p", f"Press a channel to see it below, {MOST_SHOWN} at most; drag there to zoom.", "note")
         with box("div", "thumbs"):
             for one in summary.thumbs:
-                thumbnail(one)
+                buttons[one.column] = thumbnail(one, partial(toggle, one.column))
+        signals = box("div")
+
+
+def _signals(recordings: Recordings, name: str, columns: list[str]) -> list[Any]:
+    """Panels of a chart, one a column."""
+    colour = RUNS[0]
+    try:
+        return [(column, [(column, *recordings.signal(name, column), colour)]) for column in columns]
+    except (DriftDrakeError, KeyError):
+        return []
 
 
 def _day(project: Project, day: str, recordings: list[str], data: dict[str, Any]) -> None:

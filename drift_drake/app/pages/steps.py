@@ -15,7 +15,7 @@ from drift_drake.app.pages.diagnose import diagnose_page
 from drift_drake.app.pages.frame import STEPS, page
 from drift_drake.app.pages.logs import logs_page
 from drift_drake.app.project import Project
-from drift_drake.app.readings import Recordings
+from drift_drake.app.recordings import Recordings
 
 
 def add_pages(project: Project, readings: Recordings, jobs: Jobs) -> None:

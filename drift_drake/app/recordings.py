@@ -93,6 +93,22 @@ class Recordings:
             return Summary(f"{name}: cannot be read ({error.strerror})")
         return self._summaries[key]
 
+    def signal(self, name: str, column: str) -> tuple[Array, Array]:
+        """A column's readings [n] at times after the recording's first [n] [s] (rows, where there is no clock).
+
+        Raises:
+            InvalidRecordingError: it cannot be read; KeyError: it has no such column.
+        """
+        from drift_drake.gap.logs.importing.clocks import clock_of, numbers_of_column, seconds, with_numbers
+
+        for topic in map(with_numbers, self.topics(name)):
+            if column in topic.table:
+                values, clock = numbers_of_column(topic, column), clock_of(topic)
+                t = np.arange(float(len(values))) if clock is None else seconds(topic, clock)
+                there = np.isfinite(t)
+                return t[there] - t[there][:1], values[there]
+        raise KeyError(column)
+
     def _key(self, name: str) -> tuple[str, int, int]:
         now = (self._folder / name).stat()
         return name, now.st_mtime_ns, now.st_size

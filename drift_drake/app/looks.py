@@ -1,4 +1,4 @@
-"""What the pages draw of runs and cars: timelines, coverage, limits, predictions. Slow: called beside the pages."""
+"""What the pages draw of runs and cars: timelines, coverage, limits, predictions. Slow: called in a thread."""
 
 from pathlib import Path
 from typing import Any, NamedTuple

@@ -23,7 +23,15 @@ FILE = "project.yaml"
 MAPPING = "mapping.yaml"
 CAR = "car.yaml"
 CALIBRATED, CALIBRATION, CALIBRATION_REPORT = "calibrated.yaml", "calibrated.json", "calibrated.html"
-TEXTS = (".txt", ".tsv", ".dat", ".log", ".asc", ".trc", ".csv.gz")  # of recordings, beside the formats' own endings
+TEXTS = (
+    ".txt",
+    ".tsv",
+    ".dat",
+    ".log",
+    ".asc",
+    ".trc",
+    ".csv.gz",
+)  # of recordings, in addition to the formats' own endings
 KEYS = {"recordings": dict, "days": dict, "options": dict, "steps": dict}
 
 

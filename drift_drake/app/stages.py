@@ -90,11 +90,11 @@ class Stage:
 
 def import_day(project: Project, day: str, data: dict[str, Any]) -> Stage:
     """A day's recordings to runs."""
-    recordings, told, out = project.days(data).get(day, []), project.day(day, data), f"logs/{day}"
+    recordings, given, out = project.days(data).get(day, []), project.day(day, data), f"logs/{day}"
     words = ["import", *recordings, "--mapping", MAPPING, "--out", out]
     for name in ("start", "end"):
-        if told.get(name) is not None:
-            words += [f"--{name}", f"{told[name]:g}"]
+        if given.get(name) is not None:
+            words += [f"--{name}", f"{given[name]:g}"]
     return Stage(project, f"import {day}", f"the import of {day}", words, [*recordings, MAPPING],
                  [f"{out}/{IMPORT_REPORT}"], replaces=out)  # fmt: skip
 

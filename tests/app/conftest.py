@@ -18,17 +18,17 @@ class Workbench:
     """`drift-drake app` in a process of its own."""
 
     def __init__(self, folder: Path) -> None:
-        self.folder, told = folder, folder.parent / f"{folder.name}.json"
+        self.folder, given = folder, folder.parent / f"{folder.name}.json"
         path = [entry for entry in sys.path if entry]
         program = f"import sys; sys.path[:] = {path!r}; from drift_drake.__main__ import main; sys.exit(main())"
-        words = ["app", str(folder), "--no-open", "--json", str(told)]
-        self.log = told.with_suffix(".log").open("wb")
+        words = ["app", str(folder), "--no-open", "--json", str(given)]
+        self.log = given.with_suffix(".log").open("wb")
         self.process = subprocess.Popen([sys.executable, "-c", program, *words], stdout=self.log, stderr=self.log)
         end = time.monotonic() + WAIT
-        while not told.exists() and self.process.poll() is None and time.monotonic() < end:
+        while not given.exists() and self.process.poll() is None and time.monotonic() < end:
             time.sleep(0.05)
-        assert told.exists(), Path(self.log.name).read_text()
-        self.address = json.loads(told.read_text())["address"]
+        assert given.exists(), Path(self.log.name).read_text()
+        self.address = json.loads(given.read_text())["address"]
         self.site = self.address.split("/?")[0]
 
     def close(self) -> None:

@@ -60,7 +60,7 @@ def test_wrong_units_are_put_right_by_what_the_page_offers(workbench, window):
     page.get_by_label("sign of ay").select_option("-1")
     page.get_by_role("button", name="Turn the sign of ay").click()
     page.get_by_text("nothing looks wrong").wait_for()
-    page.locator(".beside .js-plotly-plot .scatterlayer").first.wait_for()
+    page.locator(".aside .js-plotly-plot .scatterlayer").first.wait_for()
 
 
 def test_an_import_is_that_of_the_command_to_the_byte(workbench, window, tmp_path, monkeypatch):

@@ -109,7 +109,7 @@ def test_a_day_is_a_plain_name(name):
     assert not stages.DAY.fullmatch(name)
 
 
-def test_progress_and_sentences_are_told_apart():
+def test_progress_and_sentences_are_distinguished():
     job = RunningCommand(None)
     job.hear("\rinitial: 12%|#  | 00:03\rsearch: 55%|### | 00:09")
     job.hear("a sentence\n")

@@ -128,6 +128,6 @@ def calibrate(one):
     page.locator(".state.cancelled").wait_for()
     assert not (Path(one.folder) / "calibrated.json").exists()
     page.get_by_role("button", name="Calibrate", exact=True).click()
-    page.get_by_role("table", name="Estimates beside the first guess").wait_for()
+    page.get_by_role("table", name="Estimates and the first guess").wait_for()
     page.get_by_role("button", name="Show logs/day 1/run_1.csv").click()
     page.locator("main .js-plotly-plot .scatterlayer .trace").nth(5).wait_for()

@@ -1,4 +1,4 @@
-"""Calibrate: the car's parameters beside the first guess, and every run as both cars predict it."""
+"""Calibrate: the car's parameters relative to the first guess, and every run as both cars predict it."""
 
 from functools import partial
 from typing import Any, get_args
@@ -76,9 +76,7 @@ def _estimates(project: Project) -> None:
         text("p", f"{CALIBRATION}: {error}", "refusal")
         return
     with section("Estimates"):
-        table(
-            ["parameter", "first guess", "estimate", "95 % interval", "note"], rows, "Estimates beside the first guess"
-        )
+        table(["parameter", "first guess", "estimate", "95 % interval", "note"], rows, "Estimates and the first guess")
 
 
 def _number(value: float | None, unit: str = "") -> str:

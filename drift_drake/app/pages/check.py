@@ -114,10 +114,10 @@ def _driven(folder: Any, vehicle: Any) -> Any:
 
 
 def _trim_fields(project: Project, day: str, data: dict[str, Any]) -> None:
-    told = project.day(day, data)
+    given = project.day(day, data)
     with box("div", "fields"):
         for key in ("start", "end"):
-            field(key, told.get(key), lambda words, key=key: set_of_day(project, day, key, number(words)), unit="s",
+            field(key, given.get(key), lambda words, key=key: set_of_day(project, day, key, number(words)), unit="s",
                   of=day, min="0")  # fmt: skip
         text("span", "Seconds after each recording's first reading; the day is then imported again.", "note")
 

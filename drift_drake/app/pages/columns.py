@@ -63,7 +63,7 @@ def columns_page(project: Project, readings: Recordings, jobs: Jobs, data: dict[
     with box("div", "pair"):
         with section("Quantities"):
             view.rows = box("div")
-        with section("What they say of each other", "beside"):
+        with section("What they say of each other", "aside"):
             view.said = box("div", aria_live="polite")
             with view.said:
                 text("p", "is being compared ...", "note")
@@ -182,17 +182,17 @@ def _signals(mapping: dict[str, Any] | None) -> dict[str, Any]:
 def _globals(view: _View, mapping: dict[str, Any]) -> None:
     """What is said of the car and of all columns."""
 
-    async def told(key: str, value: Any) -> None:
+    async def given(key: str, value: Any) -> None:
         await view.edit(lambda data: set_global(data, key, value))
 
     with box("div", "fields"):
         frames = {name: words for name, words in FRAMES.items() if name}
-        choice("frame of the file", frames, str(mapping.get("frame", "iso8855")), partial(told, "frame"))
-        field("wheelbase", mapping.get("wheelbase"), lambda q: told("wheelbase", number(q)), unit="m", min="0")
+        choice("frame of the file", frames, str(mapping.get("frame", "iso8855")), partial(given, "frame"))
+        field("wheelbase", mapping.get("wheelbase"), lambda q: given("wheelbase", number(q)), unit="m", min="0")
         point = mapping.get("measured_point") or [None, None]
         for k, words in enumerate(("speed is measured ahead by", "and to the left by")):
             field(words, point[k] if len(point) > k else None,
-                  lambda q, k=k: told("measured_point", (k, number(q))), unit="m")  # fmt: skip
+                  lambda q, k=k: given("measured_point", (k, number(q))), unit="m")  # fmt: skip
     text("p", "A wheelbase lets the steering ratio be judged. Where the speed is measured is relative to the centre of "
          "gravity.", "note")  # fmt: skip
 

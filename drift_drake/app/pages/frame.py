@@ -14,7 +14,7 @@ from drift_drake.app.project import MAPPING, Project
 from drift_drake.common.errors import DriftDrakeError
 
 POLL = 0.5  # [s]
-# A chart that is taken off the page is told of its last resize, which plotly answers by a rejection.
+# A chart that is taken off the page hears of its last resize, which plotly answers by a rejection.
 QUIET = """<script>addEventListener("unhandledrejection", event => {
   if (String(event.reason?.message ?? event.reason).startsWith("Resize must be passed")) event.preventDefault();
 });</script>"""

@@ -149,10 +149,10 @@ def set_of_day(project: Project, day: str, key: str, value: Any) -> None:
         if key == "baseline":  # what was so by default is said from now on
             for one in stages.baseline(project, data):
                 data["days"].setdefault(one, {})["baseline"] = True
-        told = data["days"].setdefault(day, {})
-        told[key] = value
+        given = data["days"].setdefault(day, {})
+        given[key] = value
         if value is None:
-            told.pop(key)
+            given.pop(key)
 
 
 def _quoted(name: str) -> str:

@@ -170,7 +170,7 @@ WORKER = ThreadPoolExecutor(1, "workbench")
 
 
 async def quietly(function: Callable[..., Any], *arguments: Any) -> Any:
-    """A slow function's result, computed beside the pages' own thread."""
+    """A slow function's result, computed in another thread than the pages."""
     return await asyncio.get_running_loop().run_in_executor(WORKER, function, *arguments)
 
 

@@ -50,8 +50,8 @@ def ranked(topics: Sequence[Topic], signals: Mapping[str, Mapping[str, Any]]) ->
         rows = []
         for key, choice in every.items():
             by_name = names.get(key)
-            told = agreements_with(quantity, traces(choice), known) + _slower(quantity, traces(choice), known)
-            size, says = max(told, default=(0.0, ""))
+            agreeing = agreements_with(quantity, traces(choice), known) + _slower(quantity, traces(choice), known)
+            size, says = max(agreeing, default=(0.0, ""))
             unit = _unit(quantity, choice) if by_name is None or by_name.unit in (None, "?") else str(by_name.unit)
             order = (-round(size, 2) if size > LIKE else 0.0, 99.0 if by_name is None else by_name.rank, -size)
             rows.append((order, RankedColumn(choice.column, max(size, 0.0), says, unit, by_name is not None)))

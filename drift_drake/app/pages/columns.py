@@ -93,10 +93,12 @@ class _View:
     async def other(self, name: str) -> None:
         """Shows another recording."""
         self.name = name
+        self.said.props["aria-busy"] = "true"
         await self.draw()
 
     async def edit(self, change: Callable[[dict[str, Any]], None], again: bool = False) -> None:
         """Changes the mapping; again: rows too, whose choices depend on it."""
+        self.said.props["aria-busy"] = "true"  # what it offers is of the mapping before
         self.project.change_mapping(change)
         own_edit(self.project, self.jobs)
         self.draw_imports()
@@ -141,6 +143,7 @@ class _View:
         before = self.project.mapping() or {}
         found = await quietly(_previewed, self.readings, self.name, before)
         self.said.clear()
+        self.said.props["aria-busy"] = "true" if self.project.mapping() != before else "false"
         with self.said:
             if isinstance(found, str):
                 text("p", found, "refusal")

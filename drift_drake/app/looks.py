@@ -28,14 +28,16 @@ def driven(folder: Path, vehicle: Path) -> list[Driven]:
     Raises:
         InvalidLogError, InvalidVehicleError: of the files.
     """
+    from drift_drake.car.foreign.simulator_car import SimulatorCar
     from drift_drake.car.given_vehicle import vehicle_given
     from drift_drake.car.log.table import read_case
     from drift_drake.gap.estimation.usable import stretches
 
     runs = read_case(folder)
-    car = vehicle_given(vehicle).parameters.single_track()
+    car = vehicle_given(vehicle).parameters
+    used = stretches(runs, car.single_track(), not isinstance(car, SimulatorCar))
     found = []
-    for run, parts in zip(runs, stretches(runs, car), strict=True):
+    for run, parts in zip(runs, used, strict=True):
         ahead = np.gradient(run.v, run.period) if run.ax is None else run.ax
         found.append(Driven(run.name, float(run.t[0]), float(run.t[-1]), parts, (ahead, run.v * run.r),
                             (run.v, run.delta_cmd)))  # fmt: skip

@@ -278,6 +278,8 @@ def _remarks(view: _View, before: dict[str, Any], found: Any, overlays: list[Any
         text("p", "Signs and units: nothing looks wrong.", "verdict")
     if found.unchecked:
         text("p", f"No other column can check {', '.join(found.unchecked)}.", "note")
+    for sentence in found.undecided:
+        text("p", sentence, "note")
     for one in overlays:
         text("h3", f"{one.column} against {one.against}")
         text("p", f"correlation {one.likeness:.3f}, gain {significant(one.gain, 3)}", "note")

@@ -29,13 +29,15 @@ class Preview:
     """What an import would say of a recording.
 
     pieces: columns of the log [rows] by run, at `PERIOD` [s]; remarks: on what looks wrong; refused: why the import
-    would be refused, None where it would not; unchecked: columns that no other column can check.
+    would be refused, None where it would not; unchecked: columns that no other column can check; undecided: what else they
+    cannot tell.
     """
 
     pieces: list[Mapping[str, Array]]
     remarks: list[Remark]
     refused: Remark | None
     unchecked: tuple[str, ...] = ()
+    undecided: tuple[str, ...] = ()
 
 
 def preview(
@@ -57,7 +59,13 @@ def preview(
     remarks = [
         Remark(one, fixes(doubts.suspicions[one], data) if one in doubts.suspicions else []) for one in sentences
     ]
-    return Preview([piece.columns for piece in pieces], remarks, _refused(pieces, mapping, data), doubts.unchecked)
+    return Preview(
+        [piece.columns for piece in pieces],
+        remarks,
+        _refused(pieces, mapping, data),
+        doubts.unchecked,
+        doubts.undecided,
+    )
 
 
 def _refused(pieces: Sequence[Piece], mapping: RecorderMapping, data: Mapping[str, Any]) -> Remark | None:

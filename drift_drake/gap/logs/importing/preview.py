@@ -29,8 +29,8 @@ class Preview:
     """What an import would say of a recording.
 
     pieces: columns of the log [rows] by run, at `PERIOD` [s]; remarks: on what looks wrong; refused: why the import
-    would be refused, None where it would not; unchecked: columns that no other column can check; undecided: what else they
-    cannot tell.
+    would be refused, None where it would not; unchecked: columns that no other column can check; undecided: what
+    else they cannot tell.
     """
 
     pieces: list[Mapping[str, Array]]

@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from drift_drake.app import server
 from drift_drake.cli import demo
 from drift_drake.cli import drive_run as drive_command
 from drift_drake.cli.main import COMMANDS, load, main
@@ -31,6 +32,7 @@ WORDS = {  # of each command, and keys that its JSON has
         {"parameters"},
     ),
     "plan-next": (["ANSWER", "--vehicle", "CAR", "--out", "DIR/plan.csv"], {"hypotheses", "nats"}),
+    "app": (["DIR/app", "--no-open"], {"folder", "address"}),
     "apply": (["ANSWER", "--vehicle", "CAR", "--out", "DIR/corrected.yaml"], {"out", "effects"}),
     "choose": (["DIR/car/day", "--vehicle", "CAR", "--out", "DIR/identified.yaml"], {"believed", "limit", "doubts"}),
     "drive": (["figure_8", "--out", "DIR/drive"], {"out", "metrics", "events"}),
@@ -71,6 +73,7 @@ def short(monkeypatch):
     )
     monkeypatch.setattr(foresight, "beliefs_of", lambda _: None)
     monkeypatch.setattr(next_drive, "plan_from_answer", lambda *_: plan)
+    monkeypatch.setattr(server, "serve", lambda _folder, _port, ready: ready("http://127.0.0.1:1/?token=x"))
 
 
 def with_places(words, folder, name):

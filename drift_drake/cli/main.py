@@ -28,6 +28,7 @@ class Command(NamedTuple):
 
 COMMANDS = {
     "demo": Command("drift_drake.cli.demo", "a tour on a sample log: diagnosis, corrected car, drift"),
+    "app": Command("drift_drake.cli.app", "the workbench: all steps in a browser, for one folder"),
     "init": Command("drift_drake.cli.demo", "a commented vehicle file to begin with"),
     "import": Command("drift_drake.cli.import_logs", "recordings of any format to logs, with what looks wrong"),
     "check": Command("drift_drake.cli.check", "quality and coverage of logs, and which effects they could show"),

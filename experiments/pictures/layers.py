@@ -7,11 +7,25 @@ from matplotlib.figure import Figure
 import drift_drake
 from drift_drake.view.style import INK
 from experiments.pictures.effects_map import columns
-from experiments.pictures.look import BLUE, GREEN, ORANGE, PINK, SMALL, WIDTH, YELLOW, arrow, box, canvas, for_pages
+from experiments.pictures.look import (
+    BLUE,
+    GREEN,
+    ORANGE,
+    PINK,
+    SKY,
+    SMALL,
+    WIDTH,
+    YELLOW,
+    arrow,
+    box,
+    canvas,
+    for_pages,
+)
 
 PACKAGE = Path(drift_drake.__file__).parent
 LAYERS = {  # from the top: what is in it, and the colour of the box
     "cli": ("the command line: a file a command", INK),
+    "app": ("the workbench: pages that run commands", SKY),
     "gap": ("a car understood: logs, calibration, diagnosis", PINK),
     "view": ("pictures, reports, replays, exports", YELLOW),
     "drive": ("a car driven: control, learning, references", BLUE),

@@ -19,7 +19,15 @@ WIDTH = 5.0  # [in]
 SMALL, PLAIN, HEAD = 10.0, 11.0, 12.5  # [pt]: 10.8 px and more where the picture is 390 px wide
 MARGIN = 0.06  # [in]
 BLUE, ORANGE, GREEN, PINK, SKY, YELLOW = RUNS[:6]
-PALE = {BLUE: "#DCEAF5", ORANGE: "#FBE5D6", GREEN: "#D9F0E8", PINK: "#F6E6EF", YELLOW: "#FBF0D5", INK: "#EFEFEC"}
+PALE = {
+    BLUE: "#DCEAF5",
+    ORANGE: "#FBE5D6",
+    GREEN: "#D9F0E8",
+    PINK: "#F6E6EF",
+    YELLOW: "#FBF0D5",
+    INK: "#EFEFEC",
+    SKY: "#E4F2FB",
+}
 """Of a colour, what a box of it is filled with."""
 LARGE: dict[str, Any] = RC | {
     "font.size": PLAIN, "axes.titlesize": HEAD, "axes.labelsize": PLAIN, "xtick.labelsize": SMALL,

@@ -2,6 +2,7 @@
 
 import dataclasses
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -48,11 +49,7 @@ def usable_parts(
     lost: dict[str, float] = {}
     for one in clean:
         run = dataclasses.replace(one.run, filled=one.mask()) if one.bad else one.run
-        frozen = one.mask(LONGEST_FILLED / run.period) | bool(one.dead)
-        least = max(round(least_part(vehicle) / run.period), SHORTEST_RUN)  # rows of a part
-        back = backing(run, vehicle) & ~frozen & reverse
-        ways = (*spans(driven(run, vehicle) & ~frozen), *spans(back))
-        parts = sorted((a, b) for a, b in ways if b - a >= least)
+        frozen, back, parts, least = _parts(one, run, vehicle, reverse)
         if not in_spans(parts, len(run)).all():
             warnings.append(_left_out(run, vehicle, frozen, back, parts, least))
             for kind, rows in _kinds(run, vehicle, frozen, back, parts).items():
@@ -65,6 +62,37 @@ def usable_parts(
         warnings = [_in_all(runs, kept, lost, len(warnings))]
     _check_enough(runs, kept, vehicle)
     return kept, warnings
+
+
+def _parts(
+    one: Screened, run: Run, vehicle: VehicleParameters, reverse: bool
+) -> tuple[np.ndarray, np.ndarray, list[tuple[int, int]], int]:
+    """Rows that are frozen, those that reverse and can be used, the parts, and the rows that a part must have."""
+    frozen = one.mask(LONGEST_FILLED / run.period) | bool(one.dead)
+    least = max(round(least_part(vehicle) / run.period), SHORTEST_RUN)
+    back = backing(run, vehicle) & ~frozen & reverse
+    ways = (*spans(driven(run, vehicle) & ~frozen), *spans(back))
+    return frozen, back, sorted((a, b) for a, b in ways if b - a >= least), least
+
+
+class UsedStretch(NamedTuple):
+    """A part of a run [s], and why it is not used; empty where it is."""
+
+    start: float
+    stop: float
+    why: str
+
+
+def stretches(runs: Sequence[Run], vehicle: VehicleParameters, reverse: bool = True) -> list[list[UsedStretch]]:
+    """By run what an estimator uses of it, and what it does not, in order of time; reverse: as of `usable_parts`."""
+    found = []
+    for one in screened(runs)[0]:
+        frozen, back, parts, _ = _parts(one, one.run, vehicle, reverse)
+        rows = [(a, b, "") for a, b in parts]
+        for why, at in _kinds(one.run, vehicle, frozen, back, parts).items():
+            rows += [(a, b, why) for a, b in spans(at & ~in_spans(parts, len(one.run)))]
+        found.append([UsedStretch(float(one.run.t[a]), float(one.run.t[b - 1]), why) for a, b, why in sorted(rows)])
+    return found
 
 
 def _left_out(

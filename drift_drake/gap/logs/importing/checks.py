@@ -17,6 +17,7 @@ from drift_drake.gap.logs.importing.mapping import RecorderMapping
 from drift_drake.gap.logs.screening.consistency import consistency
 from drift_drake.gap.logs.screening.relations import Windows
 from drift_drake.gap.logs.screening.stuck import without_stuck
+from drift_drake.gap.logs.screening.suspicions import Suspicion
 
 FEWEST = 230  # rows
 WINDOW = 0.3  # [s] over which noise is averaged out
@@ -32,11 +33,12 @@ LIKENESS = 0.8  # correlation from which one signal is another's negative
 
 class Doubts(NamedTuple):
     """Sentences on what looks wrong, none where all agrees; unchecked: columns that no other one tells anything of;
-    undecided: what else they cannot tell."""
+    undecided: what else they cannot tell; suspicions: of those sentences that name a column's mistake, by sentence."""
 
     sentences: list[str]
     unchecked: tuple[str, ...]
     undecided: tuple[str, ...] = ()
+    suspicions: Mapping[str, Suspicion] = {}
 
 
 def column_doubts(columns: Mapping[str, Array], period: float, wheelbase: float | None = None) -> list[str]:
@@ -59,17 +61,18 @@ def recording_doubts(
     if sum(len(columns["r"]) for columns in runs) < FEWEST:
         return Doubts(stuck, ())
     found = consistency(runs, [period] * len(runs), length=wheelbase, stated=stated, derived=derived)
-    sentences = stuck + [f"{doubt.sentence.removesuffix('?').removesuffix('.')}." for doubt in found.doubts]
+    named = {f"{doubt.sentence.removesuffix('?').removesuffix('.')}.": doubt for doubt in found.doubts}
+    sentences = stuck + list(named)
     names = set.intersection(*(set(columns) for columns in found.right))
     right = {name: np.concatenate([columns[name] for columns in found.right]) for name in names}
     if not found.complete:
-        return Doubts(sentences, ())
+        return Doubts(sentences, (), suspicions=named)
     doubted = {doubt.column for doubt in found.doubts}
     jumps = [sentence for columns in runs for sentence in _jumps(columns)]
     sentences += jumps[:1]
     sentences += _any_wheelbase(found.steer) if wheelbase is None else []
     sentences += _directions(right, max(round(WINDOW / period), 1)) + _accelerometer(right, found.windows, doubted)
-    return Doubts(sentences, found.unchecked, found.undecided)
+    return Doubts(sentences, found.unchecked, found.undecided, named)
 
 
 def doubts_of(

@@ -66,24 +66,37 @@ def better(quantity: str, choices: Sequence[Trace], known: Mapping[str, Trace]) 
 
 def _fits(quantity: str, choice: Trace, known: Mapping[str, Trace]) -> float:
     """The best correlation with what other columns say of it."""
-    others: list[float] = [0.0]
+    return max((size for size, _ in agreements_with(quantity, choice, known)), default=0.0)
+
+
+def agreements_with(quantity: str, choice: Trace, known: Mapping[str, Trace]) -> list[tuple[float, str]]:
+    """Correlations of a column that may be a quantity with what other columns say of it, each with what that is.
+
+    Args:
+        known: signals by quantity, in any unit and of either sign; the quantity itself is not asked.
+    """
+    found: list[tuple[float, str]] = []
+
+    def add(one: Trace, other: Trace, says: str, less: float = 0.0) -> None:
+        found.append((abs(likeness(one, other)) - less, says))
+
     if quantity == "r":
         if "psi" in known:
-            others.append(abs(likeness(choice, derivative(known["psi"], turns=True))))
+            add(choice, derivative(known["psi"], turns=True), "d psi/dt")
         if {"ay", "v"} <= set(known):
-            others.append(abs(likeness(product(choice, known["v"]), known["ay"])))
+            add(product(choice, known["v"]), known["ay"], "ay / v")
     if quantity == "v" and {"ay", "r"} <= set(known):
         off = _off({"v": choice, "r": known["r"], "ay": known["ay"]})
-        others.append(abs(likeness(product(choice, known["r"]), known["ay"])) - min(off, 2.0 * BETTER))
+        add(product(choice, known["r"]), known["ay"], "ay / r", min(off, 2.0 * BETTER))
     if quantity == "ay" and {"v", "r"} <= set(known):
-        others.append(abs(likeness(choice, product(known["v"], known["r"]))))
+        add(choice, product(known["v"], known["r"]), "v r")
     if quantity == "psi" and "r" in known:
-        others.append(abs(likeness(known["r"], derivative(choice, turns=True))))
+        add(known["r"], derivative(choice, turns=True), "its rate is r")
     if quantity == "delta_cmd" and {"v", "r"} <= set(known):
-        others.append(abs(likeness(product(choice, known["v"]), known["r"])))
+        add(product(choice, known["v"]), known["r"], "r / v")
     if quantity == "omega_r" and "v" in known:
-        others.append(abs(likeness(choice, known["v"])))
-    return max(others)
+        add(choice, known["v"], "v")
+    return found
 
 
 def product(a: Trace, b: Trace) -> Trace:

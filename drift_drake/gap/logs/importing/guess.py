@@ -80,8 +80,8 @@ def guessed_mapping(topics: Sequence[Topic]) -> Guess:
     times = {topic.name: seconds(topic, clocks[topic.name]) for topic in topics if topic.name in clocks}
     rates = {name: rate_of(t) for name, t in times.items()}
     ordered = sorted(topics, key=lambda topic: -rates.get(topic.name, 0.0))
-    choices = {name: fits for name in LOOKED_FOR if (fits := _candidates(name, ordered, clocks))}
-    signals = _Traces(times)
+    choices = {name: fits for name in LOOKED_FOR if (fits := named_candidates(name, ordered, clocks))}
+    signals = Traces(times)
     found, notes = _one_position(_chosen(choices, signals), signals)
     notes += _choices_said(found, choices)
     units, said = _units(found, signals, ordered)
@@ -109,7 +109,7 @@ def guessed_mapping(topics: Sequence[Topic]) -> Guess:
     return Guess(mapping, [name for name in NEEDED if name not in known], notes + said)
 
 
-class _Traces:
+class Traces:
     """Readings of candidates, thinned, by their topic's clock (by rows where there is none)."""
 
     def __init__(self, times: Mapping[str, np.ndarray]) -> None:
@@ -122,7 +122,7 @@ class _Traces:
         return Trace(t[thin], values[thin], candidate.unit)
 
 
-def _candidates(quantity: str, ordered: Sequence[Topic], clocks: Mapping[str, str]) -> list[ColumnChoice]:
+def named_candidates(quantity: str, ordered: Sequence[Topic], clocks: Mapping[str, str]) -> list[ColumnChoice]:
     """All columns that may be this quantity, the best first."""
     found = []
     for topic in ordered:
@@ -152,7 +152,7 @@ def _is_flag(values: np.ndarray) -> bool:
                 and np.isin(values, (-1.0, 0.0, 1.0)).all())  # fmt: skip
 
 
-def _chosen(choices: Mapping[str, list[ColumnChoice]], signals: _Traces) -> dict[str, ColumnChoice]:
+def _chosen(choices: Mapping[str, list[ColumnChoice]], signals: Traces) -> dict[str, ColumnChoice]:
     """One column for each quantity, none for two."""
     found: dict[str, ColumnChoice] = {}
     taken: set[tuple[str, str]] = set()
@@ -185,7 +185,7 @@ def _chosen(choices: Mapping[str, list[ColumnChoice]], signals: _Traces) -> dict
     return found
 
 
-def _one_position(found: dict[str, ColumnChoice], signals: _Traces) -> tuple[dict[str, ColumnChoice], list[str]]:
+def _one_position(found: dict[str, ColumnChoice], signals: Traces) -> tuple[dict[str, ColumnChoice], list[str]]:
     """What was chosen without half a position, or one that no vehicle has; with one, x and y are made of it, and a
     heading that is the way's is the course. Sentences on it."""
     notes = []
@@ -228,7 +228,7 @@ def _choices_said(found: Mapping[str, ColumnChoice], choices: Mapping[str, list[
 
 
 def _units(
-    found: Mapping[str, ColumnChoice], signals: _Traces, topics: Sequence[Topic]
+    found: Mapping[str, ColumnChoice], signals: Traces, topics: Sequence[Topic]
 ) -> tuple[dict[str, str], list[str]]:
     """Units of the chosen columns: as stated, else by names and motion, else SI; and sentences on them."""
     units = {key: c.unit for key, c in found.items()}
@@ -273,7 +273,7 @@ def _units(
     return {key: units[key] or by_motion.get(key) or plain[key] for key in found}, sentences
 
 
-def _speed_of_position(found: Mapping[str, ColumnChoice], signals: _Traces, topics: Sequence[Topic]) -> Trace | None:
+def _speed_of_position(found: Mapping[str, ColumnChoice], signals: Traces, topics: Sequence[Topic]) -> Trace | None:
     """Speed by x and y in metres, or by latitude and longitude in degrees."""
     if {"x", "y"} <= set(found) and found["x"].unit in (None, "m"):
         return travelled(signals(found["x"]), signals(found["y"]), degrees=False)
@@ -322,7 +322,7 @@ def _clock_entries(
 
 
 def _adapted(
-    lines: dict[str, Any], found: Mapping[str, ColumnChoice], signals: _Traces, units: Mapping[str, str]
+    lines: dict[str, Any], found: Mapping[str, ColumnChoice], signals: Traces, units: Mapping[str, str]
 ) -> list[str]:
     """Adds a wheel's radius and a compass' frame to the lines of signals; sentences on them."""
     read = {key: dataclasses.replace(signals(c), unit=units[key]).si() for key, c in found.items()}

@@ -93,7 +93,7 @@ def import_recordings(
     for path in paths:
         recording = read_recording(path, mapping, databases)
         label = recording.name if recording.name not in clocks else f"{recording.name}_{len(clocks)}"
-        found, clocks[label], sentences = _pieces(Path(path), label, recording, mapping, start, end)
+        found, clocks[label], sentences = pieces_of(Path(path), label, recording, mapping, start, end)
         pieces += found
         remarks += [f"{label}: {sentence}" for sentence in sentences]
     ahead = [piece for piece in pieces if not piece.reverses]
@@ -102,7 +102,7 @@ def import_recordings(
         wrong[piece.label] += [
             doubt for doubt in course_doubts(piece.columns, PERIOD) if doubt not in wrong[piece.label]
         ]
-    runs = [_run(piece, mapping, wrong[piece.label]) for piece in pieces]
+    runs = [as_run(piece, mapping, wrong[piece.label]) for piece in pieces]
     once, same = without_repeated(runs)
     pieces = [piece for piece, run in zip(pieces, runs, strict=True) if any(run is other for other in once)]
     reports = [
@@ -130,7 +130,7 @@ class Piece:
     reverses: bool
 
 
-def _pieces(
+def pieces_of(
     path: Path, label: str, recording: Recording, mapping: RecorderMapping, start: float, end: float
 ) -> tuple[list[Piece], dict[str, ClockReport], list[str]]:
     """The driving of a recording, the offsets of its clocks, and sentences on it.
@@ -228,7 +228,7 @@ def resample(rows: Array, t: Array, values: Array, between: str = "linear") -> A
     return np.asarray(np.interp(rows, t, values))
 
 
-def _run(piece: Piece, mapping: RecorderMapping, sentences: Sequence[str]) -> Run:
+def as_run(piece: Piece, mapping: RecorderMapping, sentences: Sequence[str]) -> Run:
     """One run; sentences: on what looks wrong in its recording.
 
     Raises:

@@ -56,13 +56,16 @@ class Look:
     notes: list[str]
 
 
-def look(path: str | Path, databases: Sequence[str | Path] = ()) -> Look:
+def look(path: str | Path, databases: Sequence[str | Path] = (), read: Sequence[Topic] | None = None) -> Look:
     """A first look at a recorder's file, with the databases (DBC) of raw CAN frames.
+
+    read: what the file holds, where it has been read already.
 
     Raises:
         InvalidRecordingError: the file cannot be read, or holds no number.
     """
-    topics = [with_numbers(topic) for topic in topics_of(Path(path), databases)]
+    held = topics_of(Path(path), databases) if read is None else read
+    topics = [with_numbers(topic) for topic in held]
     summaries = [_summary(topic) for topic in topics]
     if all(column.low is None for topic in summaries for column in topic.columns):
         raise InvalidRecordingError(f"{path}: holds no column of numbers; give a recorder's file")

@@ -62,14 +62,19 @@ class Recording:
     remarks: list[str] = dataclasses.field(default_factory=list)
 
 
-def read_recording(path: str | Path, mapping: RecorderMapping, databases: Sequence[str | Path] = ()) -> Recording:
+def read_recording(
+    path: str | Path, mapping: RecorderMapping, databases: Sequence[str | Path] = (),
+    topics: Sequence[Topic] | None = None,
+) -> Recording:  # fmt: skip
     """Reads a recorder's file; a reading that cannot be one is left out and reported.
+
+    topics: what the file holds, where it has been read already.
 
     Raises:
         InvalidRecordingError: unreadable or empty, a column is missing or is no numbers, a clock that does not advance.
     """
     path = Path(path)
-    topics = topics_of(path, databases)
+    topics = topics_of(path, databases) if topics is None else topics
     clocks, remarks = {}, []
     for name, clock in mapping.clocks.items():
         topic = _topic_of(path, topics, clock.column)

@@ -20,15 +20,16 @@ BLOCK = 4  # windows, 1.2 s, within which errors may be alike
 class Kinematics(PerWindow):
     """Windows [windows] in which the car moves; NaN where a column is missing.
 
-    r, v, psi, beta, omega_r, ax, ay, delta_cmd: means. turning, swing, gain, spin, rim_gain: rates of `psi`, `beta`,
-    `v`, `r` and `omega_r`; along, across: acceleration in body axes that `v`, `beta` and `r` make; turned, circling,
-    forward, sideways: means of v r, r^2, v cos(beta) and v sin(beta); course: rate of the direction of travel along
-    x, y; heading, yawed: the same of `psi`, and of the angle that `r` turns by, with `beta`; moved: speed along x, y;
-    slid: mean of the direction of travel less `psi`.
+    row: of its run, in its middle; r, v, psi, beta, omega_r, ax, ay, delta_cmd: means. turning, swing, gain, spin,
+    rim_gain: rates of `psi`, `beta`, `v`, `r` and `omega_r`; along, across: acceleration in body axes that `v`, `beta`
+    and `r` make; turned, circling, forward, sideways: means of v r, r^2, v cos(beta) and v sin(beta); course: rate of
+    the direction of travel along x, y; heading, yawed: the same of `psi`, and of the angle that `r` turns by, with
+    `beta`; moved: speed along x, y; slid: mean of the direction of travel less `psi`.
     """
 
     run: np.ndarray
     block: np.ndarray
+    row: np.ndarray
     r: np.ndarray
     v: np.ndarray
     psi: np.ndarray
@@ -103,6 +104,7 @@ def _of_run(columns: Columns, period: float, index: int, first_block: int, slowe
     found = Kinematics(
         run=np.full(len(over.starts), index),
         block=first_block + np.arange(len(over.starts)) // BLOCK,
+        row=over.starts + over.width // 2,
         r=mean(r),
         v=mean(v),
         psi=mean(psi),

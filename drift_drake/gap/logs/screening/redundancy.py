@@ -196,7 +196,8 @@ def bias_doubts(m: Kinematics, without: Sequence[str] = ()) -> list[Suspicion]:
             f"column r reads {found.middle:+.3g} rad/s ({found.low:.3g} to {found.high:.3g}) more than {says}: a bias "
             f"of the yaw-rate sensor; give it offset {-found.middle:.3g} in the mapping"
         )
-        return [Suspicion(sentence, "r", None, f"r less the rate of {column} is {found.middle:.3g} rad/s")]
+        says = f"r less the rate of {column} is {found.middle:.3g} rad/s"
+        return [Suspicion(sentence, "r", None, says, offset=-found.middle)]
     return []
 
 
@@ -227,7 +228,7 @@ def arm_doubts(m: Kinematics, wheelbase: float | None) -> list[Suspicion]:
         f"speed is measured {' and '.join(parts)} of the centre of gravity: add measured_point: "
         f"[{point[0]:g}, {point[1]:g}] to what the mapping has (or give omega_r as the mean of both rear wheels)"
     )
-    return [Suspicion(sentence, "v", None, "; ".join(says for _, _, says in where))]
+    return [Suspicion(sentence, "v", None, "; ".join(says for _, _, says in where), point=(point[0], point[1]))]
 
 
 def undecided_arm(m: Kinematics, wheelbase: float | None) -> list[str]:

@@ -36,13 +36,16 @@ class Suspicion:
     """What looks wrong, in a sentence with the remedy.
 
     column: its name, `t` for the clock, None for whole runs; factor: that it is too large by, -1 where it is mirrored,
-    None where there is none; evidence: the ratios that say so.
+    None where there is none; evidence: the ratios that say so; offset: to add to it [SI]; point: where the speed is
+    measured, [m] ahead and to the left.
     """
 
     sentence: str
     column: str | None
     factor: float | None
     evidence: str
+    offset: float | None = None
+    point: tuple[float, float] | None = None
 
 
 def suspicions(runs: Sequence[Run], vehicle: VehicleParameters) -> list[Suspicion]:

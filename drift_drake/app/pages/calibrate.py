@@ -1,0 +1,115 @@
+"""Calibrate: the car's parameters relative to the first guess, and every run as both cars predict it."""
+
+from functools import partial
+from typing import Any, get_args
+
+from drift_drake.app import stages
+from drift_drake.app.jobs import Jobs
+from drift_drake.app.looks import predicted
+from drift_drake.app.pages.figures import MEASURED, RUNS, Chart
+from drift_drake.app.pages.parts import (
+    box,
+    button,
+    choice,
+    frame_of,
+    quietly,
+    run_button,
+    saying,
+    section,
+    table,
+    text,
+)
+from drift_drake.app.project import CALIBRATED, CALIBRATION, CALIBRATION_REPORT, Project
+from drift_drake.app.recordings import Recordings
+from drift_drake.common.errors import DriftDrakeError, significant
+from drift_drake.common.plain_files import read_json
+from drift_drake.gap.identification.options import CarKind, Criterion
+
+HEAD = ("parameter", "first guess", "estimate", "95 % interval", "note")
+KINDS = {"known": "held by its tolerance", "unseen": "kept: not shown by these drives"}
+
+
+def calibrate_page(project: Project, _readings: Recordings, jobs: Jobs, data: dict[str, Any]) -> None:
+    """The page's content."""
+    stage = stages.calibrate(project, data)
+    with section("Calibration"):
+        days = stages.baseline(project, data)
+        text("p", f"On {', '.join(days)} (chosen under Logs)." if days else "No day yet (Logs).", "note")
+        with box("div", "fields"):
+            for key, label, kinds in (("car", "kind of car", CarKind), ("criterion", "judged by", Criterion)):
+                options = {"": "auto", **{one: one for one in get_args(kinds) if one != "auto"}}
+                choice(label, options, str(data["options"].get(key, "")), partial(_option, project, key))
+        run_button(stage, jobs, data, "Calibrate")
+        text("p", "It takes minutes. It can be cancelled; then, or if the workbench is closed, what it had computed is "
+             "lost and all files stay as they were.", "note")  # fmt: skip
+        saying(stage, data, "What the calibration says")
+    if not all((project.folder / path).exists() for path in stage.outputs):
+        return
+    _estimates(project)
+    with section("Measured against both cars"):
+        text("p", "The simulated cars are put back onto the real one every second. Drag in the picture to zoom, double "
+             "click to see all.", "note")  # fmt: skip
+        runs = [str(path) for day in project.days(data) for path in project.runs(day)]
+        place = box("div")
+        with box("div", "run"):
+            for path in runs:
+                button(path.removeprefix("logs/"), partial(_predict, project, path, data, place), label=f"Show {path}")
+    with section("Report"):
+        frame_of(CALIBRATION_REPORT, "Report of the calibration")
+    text("p", "Next: Diagnose.", "note")
+
+
+def _option(project: Project, key: str, value: str) -> None:
+    with project.changing() as data:
+        data["options"][key] = value
+
+
+def _estimates(project: Project) -> None:
+    try:
+        found = read_json(project.folder / CALIBRATION, DriftDrakeError, "calibrate again")
+        rows = [
+            [name, *(_number(one[key], one["unit"]) for key in ("start", "estimate")),
+             f"{_number(one['low'])} to {_number(one['high'])}", KINDS.get(one["kind"], "")]
+            for name, one in found["parameters"].items()
+        ]  # fmt: skip
+    except (DriftDrakeError, KeyError, TypeError) as error:
+        text("p", f"{CALIBRATION}: {error}", "refusal")
+        return
+    with section("Estimates"):
+        table(["parameter", "first guess", "estimate", "95 % interval", "note"], rows, "Estimates and the first guess")
+
+
+def _number(value: float | None, unit: str = "") -> str:
+    return "" if value is None else f"{significant(value, 4)} {unit if unit != '-' else ''}".strip()
+
+
+async def _predict(project: Project, path: str, data: dict[str, Any], place: Any) -> None:
+    place.clear()
+    with place:
+        text("p", f"{path} is being simulated ...", "note")
+    cars = project.folder / stages.first_guess(data), project.folder / CALIBRATED
+    found = await quietly(_predicted, project.folder / path, *cars)
+    place.clear()
+    with place:
+        draw_predictions(found, path, {"nominal": "first guess", "corrected": "calibrated"})
+
+
+def _predicted(log: Any, vehicle: Any, corrected: Any) -> Any:
+    try:
+        return predicted(log, vehicle, corrected)
+    except DriftDrakeError as error:
+        return str(error)
+
+
+def draw_predictions(found: Any, path: str, names: dict[str, str]) -> None:
+    """A run as measured and as two cars predict it, or why there is none."""
+    if isinstance(found, str):
+        text("p", found, "refusal", role="alert")
+        return
+    names = {"real": "measured", **names}
+    colours = {"real": MEASURED, "nominal": RUNS[1], "corrected": RUNS[0]}
+    text("h3", path)
+    panels = [(f"{state} [{unit}]", [(names[car], *series, colours[car]) for car, series in cars.items()])
+              for state, (unit, cars) in found.states.items()]  # fmt: skip
+    Chart(panels, f"{path}: measured and predicted")
+    text("pre", found.sentence.replace("nominal", names["nominal"]).replace("corrected", names["corrected"]))

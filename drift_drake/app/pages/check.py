@@ -1,0 +1,145 @@
+"""Check: which parts of the logs are used, how the car was driven, and whether that is enough to calibrate on."""
+
+from functools import partial
+from importlib import resources
+from typing import Any
+
+from nicegui import ui
+
+from drift_drake.app import stages
+from drift_drake.app.jobs import Jobs
+from drift_drake.app.looks import driven, limits
+from drift_drake.app.pages.figures import bars, cloud
+from drift_drake.app.pages.logs import set_of_day
+from drift_drake.app.pages.parts import box, button, field, later, number, quietly, run_button, saying, section, text
+from drift_drake.app.project import Project
+from drift_drake.app.recordings import Recordings
+from drift_drake.common.errors import DriftDrakeError
+
+
+def check_page(project: Project, _readings: Recordings, jobs: Jobs, data: dict[str, Any]) -> None:
+    """The page's content."""
+    script = (resources.files("drift_drake.app.pages") / "trim.js").read_text()
+    ui.add_body_html(f"<script>{script}</script>")
+    days = [day for day in project.days(data) if project.runs(day)]
+    if not days:
+        text("p", "Import a day first (Columns).", "warning")
+        return
+    chosen = [day for day in stages.baseline(project, data) if day in days]
+    for day in chosen:
+        with section(f"{day}: good enough to calibrate on?"):
+            stage = stages.check_day(project, day, data)
+            run_button(stage, jobs, data, f"Check {day}")
+            if stage.state(data) == "done":
+                _verdict(project, day, data)
+            saying(stage, data, "What the check says")
+    for day in days:
+        with section(f"{day}: what is used"):
+            place = box("div")
+            with place:
+                text("p", "is being drawn ...", "note")
+        later(partial(_drawn, project, day, data, place))
+    text("p", "Next: Calibrate.", "note")
+
+
+def _verdict(project: Project, day: str, data: dict[str, Any]) -> None:
+    found = stages.checked(project, day)["for_calibration"]
+    good = bool(found["good_enough"])
+    taken = stages.accepted(project, day, data)
+    text("p", f"{day} is {'good enough' if good else 'not good enough'} to calibrate a car on.",
+         "verdict" if good else "verdict not")  # fmt: skip
+    for one in found["missing"]:
+        with box("div", "warning"):
+            text("p", f"{one['why']}, which leaves open: {', '.join(one['leaves'])}.")
+            text("p", f"Drive {one['drive']}.")
+    for remark in found["remarks"]:
+        text("p", remark, "warning")
+    if not good:
+        with box("div", "run"):
+            if taken:
+                text("span", "Taken nevertheless, for exactly these logs and this car.", "note")
+            else:
+                button("Take it nevertheless", lambda: _accept(project, day),
+                       label=f"Calibrate on {day} nevertheless")  # fmt: skip
+    if found["outlook"]:
+        place = box("div")
+
+        async def shown() -> None:
+            rows = await quietly(_limits, found["outlook"], project.folder / stages.first_guess(data))
+            with place:
+                text("h3", "What a later day like this would show, from this size on")
+                bars(rows, "Least size of each effect that would be seen, as a share of its practical range")
+
+        later(shown)
+
+
+def _limits(outlook: Any, vehicle: Any) -> Any:
+    try:
+        return limits(outlook, vehicle)
+    except DriftDrakeError:
+        return []
+
+
+def _accept(project: Project, day: str) -> None:
+    set_of_day(project, day, "accepted", stages.check_day(project, day, project.read()).digest())
+
+
+async def _drawn(project: Project, day: str, data: dict[str, Any], place: Any) -> None:
+    car = project.folder / stages.first_guess(data)
+    found = (
+        await quietly(_driven, project.folder / "logs" / day, car) if car.exists() else "describe the car first (Car)"
+    )
+    place.clear()
+    with place:
+        if isinstance(found, str):
+            text("p", found, "refusal" if car.exists() else "note")
+            return
+        trims = bool(project.days(data).get(day))
+        if trims:
+            _trim_fields(project, day, data)
+        for k, run in enumerate(found):
+            _timeline(project, day, run, trims and k == 0)
+        with box("div", "clouds"):
+            cloud([(run.name, run.accelerations[1], run.accelerations[0]) for run in found],
+                  ("to the left [m/s^2]", "ahead [m/s^2]"), "Accelerations to the side and ahead")  # fmt: skip
+            cloud([(run.name, *run.steering) for run in found], ("speed [m/s]", "steering [rad]"),
+                  "Steering against speed")  # fmt: skip
+
+
+def _driven(folder: Any, vehicle: Any) -> Any:
+    try:
+        return driven(folder, vehicle)
+    except DriftDrakeError as error:
+        return str(error)
+
+
+def _trim_fields(project: Project, day: str, data: dict[str, Any]) -> None:
+    given = project.day(day, data)
+    with box("div", "fields"):
+        for key in ("start", "end"):
+            field(key, given.get(key), lambda words, key=key: set_of_day(project, day, key, number(words)), unit="s",
+                  of=day, min="0")  # fmt: skip
+        text("span", "Seconds after each recording's first reading; the day is then imported again.", "note")
+
+
+def _timeline(project: Project, day: str, run: Any, trims: bool) -> None:
+    """Used and left-out stretches of a run, with the reasons; of the first, ends that can be drawn in."""
+    length = max(run.stop - run.start, 1e-9)
+    text("h3", f"{run.name}: {length:.1f} s")
+    said = [
+        f"{one.start:.1f} to {one.stop:.1f} s {f'left out: {one.why}' if one.why else 'used'}" for one in run.stretches
+    ]
+    line = box("div", "timeline", role="img", aria_label=f"{run.name}: {'; '.join(said)}", data_start=f"{run.start:g}",
+               data_length=f"{length:g}")  # fmt: skip
+    with line:
+        for one in run.stretches:
+            left, wide = 100.0 * (one.start - run.start) / length, 100.0 * (one.stop - one.start) / length
+            box("i", "cut" if one.why else "", style=f"left:{left:.2f}%;width:{max(wide, 0.2):.2f}%",
+                title=one.why or "used")  # fmt: skip
+        for key, place in (("start", 0), ("end", 100)) if trims else ():
+            box("b", "handle", style=f"left:{place}%", data_key=key, title=f"draw to trim the {key}")
+    line.on("trim", lambda event: set_of_day(project, day, str(event.args["key"]), round(float(event.args["at"]), 2)),
+            js_handler="(e) => emit(e.detail)")  # fmt: skip
+    cut = [words for words, one in zip(said, run.stretches, strict=True) if one.why]
+    for words in cut[:6]:
+        text("p", words, "note")

@@ -1,0 +1,298 @@
+"""Columns: which column is which quantity, laid over what others say of it; what looks wrong, and how to fix it."""
+
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from nicegui import ui
+
+from drift_drake.app import stages
+from drift_drake.app.jobs import Jobs
+from drift_drake.app.mapping_edits import edit, first_mapping, look_command, merge, set_global
+from drift_drake.app.pages.figures import MEASURED, RUNS, Chart
+from drift_drake.app.pages.frame import own_edit
+from drift_drake.app.pages.parts import (
+    box,
+    button,
+    choice,
+    field,
+    later,
+    number,
+    quietly,
+    run_button,
+    saying,
+    section,
+    text,
+)
+from drift_drake.app.project import Project
+from drift_drake.app.recordings import Recordings
+from drift_drake.common.errors import DriftDrakeError, significant
+from drift_drake.gap.logs.wording.conversion import units_of
+
+MEANINGS = {
+    "r": "yaw rate", "v": "speed", "delta_cmd": "angle of the road wheels", "beta": "sideslip: course less heading",
+    "vx": "speed ahead (in place of v)", "vy": "speed to the left", "omega_r": "speed of the rear wheels",
+    "ax": "acceleration ahead", "ay": "acceleration to the left", "tau_cmd": "torque of the engine",
+    "psi": "heading", "x": "position", "y": "position", "latitude": "position", "longitude": "position",
+    "course": "direction of travel",
+}  # fmt: skip
+NEEDED = ("r", "v", "delta_cmd")
+FRAMES = {
+    "": "as the file's",
+    "iso8855": "left is positive",
+    "ned": "right is positive (ned)",
+    "sae": "right is positive (sae)",
+}
+SIGNS = {"1": "+", "-1": "- (turned)"}
+LOOKED_AT = 300.0  # [s] of a recording, that what is said of the columns at once is judged by
+
+
+def columns_page(project: Project, readings: Recordings, jobs: Jobs, data: dict[str, Any]) -> None:
+    """The page's content."""
+    names = [name for day in project.days(data).values() for name in day]
+    if not names:
+        text("p", "Give a recording a day first (Logs). Folders of runs are in the log format already.", "warning")
+        return
+    if project.mapping() is None:
+        _first(project, readings, names[0])
+        return
+    view = _View(project, readings, jobs, names[0])
+    if len(names) > 1:
+        choice("Recording that is shown", {name: Path(name).name for name in names}, names[0], view.other)
+    with box("div", "pair"):
+        with section("Quantities"):
+            view.rows = box("div")
+        with section("What they say of each other", "aside"):
+            view.said = box("div", aria_live="polite")
+            with view.said:
+                text("p", "is being compared ...", "note")
+    with section("Import"):
+        text("p", "Each day becomes a folder of runs at 100 Hz, with what was estimated and what looks wrong.", "note")
+        view.imports = box("div")
+    view.draw_imports()
+    later(view.draw)
+    text("p", "Next: Car.", "note")
+
+
+class _View:
+    """What one window shows of a mapping: edits are written at once, and what depends on them is drawn anew."""
+
+    rows: Any
+    said: Any
+    imports: Any
+
+    def __init__(self, project: Project, readings: Recordings, jobs: Jobs, name: str) -> None:
+        self.project, self.readings, self.jobs, self.name = project, readings, jobs, name
+
+    async def draw(self) -> None:
+        """All of it."""
+        await self.draw_rows()
+        await self.compare()
+
+    async def other(self, name: str) -> None:
+        """Shows another recording."""
+        self.name = name
+        self.said.props["aria-busy"] = "true"
+        await self.draw()
+
+    async def edit(self, change: Callable[[dict[str, Any]], None], again: bool = False) -> None:
+        """Changes the mapping; again: rows too, whose choices depend on it."""
+        self.said.props["aria-busy"] = "true"  # what it offers is of the mapping before
+        self.project.change_mapping(change)
+        own_edit(self.project, self.jobs)
+        self.draw_imports()
+        if again:
+            await self.draw_rows()
+        await self.compare()
+
+    def draw_imports(self) -> None:
+        """The days' imports, stale or not."""
+        data = self.project.read()
+        self.imports.clear()
+        with self.imports:
+            for day, recordings in self.project.days(data).items():
+                if recordings:
+                    text("h3", day)
+                    stage = stages.import_day(self.project, day, data)
+                    run_button(stage, self.jobs, data, f"Import {day}")
+                    saying(stage, data, "What the import says")
+
+    async def draw_rows(self) -> None:
+        """A row a quantity: those that are chosen, and the others folded."""
+        ranked = await quietly(_ranked, self.readings, self.name, _signals(self.project.mapping()))
+        mapping = self.project.mapping() or {}  # as it is by now
+        signals = _signals(mapping)
+        self.rows.clear()
+        with self.rows:
+            if isinstance(ranked, str):
+                text("p", ranked, "refusal")
+                return
+            _globals(self, mapping)
+            used = [name for name in MEANINGS if name in NEEDED or name in signals or _formula(name, mapping)]
+            for quantity in used:
+                _row(self, quantity, signals.get(quantity), ranked.get(quantity, []), mapping)
+            with box("details"):
+                text("summary", "Further quantities")
+                for quantity in MEANINGS:
+                    if quantity not in used:
+                        _row(self, quantity, None, ranked.get(quantity, []), mapping)
+
+    async def compare(self) -> None:
+        """What looks wrong, and the overlays."""
+        before = self.project.mapping() or {}
+        found = await quietly(_previewed, self.readings, self.name, before)
+        self.said.clear()
+        self.said.props["aria-busy"] = "true" if self.project.mapping() != before else "false"
+        with self.said:
+            if isinstance(found, str):
+                text("p", found, "refusal")
+                return
+            _remarks(self, before, *found)
+
+
+def _first(project: Project, readings: Recordings, name: str) -> None:
+    """Offers the mapping that `import --look` guesses."""
+    with section("A first mapping"):
+        text("p", "Columns, units and frame are guessed from names and numbers; you correct what is wrong.")
+
+        async def go() -> None:
+            try:
+                await quietly(first_mapping, project, readings, name)
+            except DriftDrakeError as error:
+                ui.notify(str(error), type="negative")
+
+        button("Guess it", go, "main")
+        with box("div", "command"):
+            text("span", "The same in a terminal, in the project's folder:")
+            text("code", look_command(name))
+
+
+def _ranked(readings: Recordings, name: str, signals: dict[str, Any]) -> Any:
+    from drift_drake.gap.logs.importing.candidates import ranked
+
+    try:
+        return ranked(readings.topics(name), signals)
+    except DriftDrakeError as error:
+        return str(error)
+
+
+def _signals(mapping: dict[str, Any] | None) -> dict[str, Any]:
+    signals = (mapping or {}).get("signals")
+    return signals if isinstance(signals, dict) else {}
+
+
+def _globals(view: _View, mapping: dict[str, Any]) -> None:
+    """What is said of the car and of all columns."""
+
+    async def given(key: str, value: Any) -> None:
+        await view.edit(lambda data: set_global(data, key, value))
+
+    with box("div", "fields"):
+        frames = {name: words for name, words in FRAMES.items() if name}
+        choice("frame of the file", frames, str(mapping.get("frame", "iso8855")), partial(given, "frame"))
+        field("wheelbase", mapping.get("wheelbase"), lambda q: given("wheelbase", number(q)), unit="m", min="0")
+        point = mapping.get("measured_point") or [None, None]
+        for k, words in enumerate(("speed is measured ahead by", "and to the left by")):
+            field(words, point[k] if len(point) > k else None,
+                  lambda q, k=k: given("measured_point", (k, number(q))), unit="m")  # fmt: skip
+    text("p", "A wheelbase lets the steering ratio be judged. Where the speed is measured is relative to the centre of "
+         "gravity.", "note")  # fmt: skip
+
+
+def _formula(quantity: str, mapping: dict[str, Any]) -> str:
+    formulas = mapping.get("formulas")
+    return str(formulas.get(quantity, "")) if isinstance(formulas, dict) else ""
+
+
+def _row(view: _View, quantity: str, line: Any, candidates: list[Any], mapping: dict[str, Any]) -> None:
+    line = line if isinstance(line, dict) else {}
+    formula = _formula(quantity, mapping)
+
+    async def change(key: str, value: Any, again: bool = False) -> None:
+        await view.edit(lambda data: edit(data, quantity, key, value, candidates), again)
+
+    with box("div", "quantity", role="group", aria_label=f"{quantity}, {MEANINGS[quantity]}"):
+        with box("p"):
+            text("b", f"{quantity}{' (needed)' if quantity in NEEDED else ''}")
+            text("span", MEANINGS[quantity])
+        options = {"": f"= {formula}" if formula else "none"}
+        options |= {one.column: _said(one) for one in candidates}
+        column = str(line.get("column", ""))
+        if column and column not in options:
+            options[column] = f"{column} (not in this recording)"
+        choice("column", options, column, lambda name: change("column", name, True), of=quantity)
+        if column:
+            with box("div", "controls"):
+                _controls(quantity, line, change)
+
+
+def _controls(quantity: str, line: dict[str, Any], change: Callable[..., Any]) -> None:
+    """Unit, sign, factor, offset and frame of a column."""
+    unit = str(line.get("unit", "?"))
+    units = dict.fromkeys([unit, *units_of(quantity)])
+    choice(
+        "unit", {one: one for one in units}, unit, lambda one: change("unit", one, quantity == "omega_r"), of=quantity
+    )
+    choice("sign", SIGNS, "-1" if line.get("sign", 1) == -1 else "1", lambda q: change("sign", float(q)), of=quantity)
+    scale = line.get("scale", 1.0)
+    if quantity == "delta_cmd":
+        ratio = 1.0 / scale if isinstance(scale, int | float) and scale else 1.0
+        field("steering ratio", float(f"{ratio:.6g}"), lambda q: change("ratio", number(q)), of=quantity)
+    elif line.get("radius") is not None:
+        field("wheel radius", line["radius"], lambda q: change("radius", number(q)), unit="m", of=quantity)
+    else:
+        field("factor", scale, lambda q: change("scale", number(q)), of=quantity)
+    field("offset", line.get("offset", 0.0), lambda q: change("offset", number(q)), of=quantity)
+    choice("frame", FRAMES, str(line.get("frame") or ""), partial(change, "frame"), of=quantity)
+
+
+def _said(one: Any) -> str:
+    why = f": {one.likeness:.2f} with {one.says}" if one.says else ""
+    return f"{one.column}{why}{' (by its name)' if one.named and not one.says else ''}"
+
+
+def _previewed(readings: Recordings, name: str, mapping: dict[str, Any]) -> Any:
+    from drift_drake.gap.logs.importing.importer import PERIOD
+    from drift_drake.gap.logs.importing.preview import preview
+    from drift_drake.gap.logs.screening.overlays import overlays
+
+    try:
+        found = preview(Path(name), readings.topics(name), mapping, end=LOOKED_AT)
+        length = mapping.get("wheelbase")
+        return found, overlays(found.pieces, PERIOD, length if isinstance(length, int | float) else None)
+    except DriftDrakeError as error:
+        return str(error)
+
+
+def _remarks(view: _View, before: dict[str, Any], found: Any, overlays: list[Any]) -> None:
+    if found.refused:
+        with box("div", "refusal", role="alert"):
+            text("p", f"The import would be refused: {found.refused.sentence}")
+            _offered(view, before, found.refused)
+    for remark in found.remarks:
+        with box("div", "warning"):
+            text("p", remark.sentence)
+            _offered(view, before, remark)
+    if not found.refused and not found.remarks and found.pieces:
+        text("p", "Signs and units: nothing looks wrong.", "verdict")
+    if found.unchecked:
+        text("p", f"No other column can check {', '.join(found.unchecked)}.", "note")
+    for sentence in found.undecided:
+        text("p", sentence, "note")
+    for one in overlays:
+        text("h3", f"{one.column} against {one.against}")
+        text("p", f"correlation {one.likeness:.3f}, gain {significant(one.gain, 3)}", "note")
+        lines = [(one.column, one.t, one.measured, MEASURED), (one.against, one.t, one.expected, RUNS[1])]
+        Chart([(f"{one.column} [{one.unit}]", lines)], f"{one.column} against {one.against}", 150)
+
+
+def _offered(view: _View, before: dict[str, Any], remark: Any) -> None:
+    """A button for each way to put it right."""
+    with box("div", "run"):
+        for fix in remark.fixes:
+            button(fix.label[0].upper() + fix.label[1:], partial(_fixed, view, before, fix))
+
+
+async def _fixed(view: _View, before: dict[str, Any], fix: Any) -> None:
+    await view.edit(lambda data: merge(data, before, fix.mapping), again=True)

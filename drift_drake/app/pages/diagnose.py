@@ -1,0 +1,102 @@
+"""Diagnose: all days in one table, and of each what is left over, what it says, and its report."""
+
+from functools import partial
+from typing import Any
+
+from drift_drake.app import stages
+from drift_drake.app.jobs import Jobs
+from drift_drake.app.pages.parts import box, frame_of, run_button, section, table, text, tick
+from drift_drake.app.project import CALIBRATED, Project
+from drift_drake.app.recordings import Recordings
+from drift_drake.car.effects.catalogue import CATALOGUE
+from drift_drake.common.errors import DriftDrakeError, significant
+from drift_drake.gap.diagnosis.answers.answer import Answer, read_answer
+
+HEAD = ("day", "verdict", "what", "size (95 %)", "probability", "errors removed", "state")
+
+
+def diagnose_page(project: Project, _readings: Recordings, jobs: Jobs, data: dict[str, Any]) -> None:
+    """The page's content."""
+    days = [day for day in project.days(data) if project.runs(day)]
+    if not days:
+        text("p", "Import a day first (Columns).", "warning")
+        return
+    with section("All days"):
+        answers = {day: answer for day in days if (answer := answer_of(project, day)) is not None}
+        if answers:
+            rows = [
+                _row(day, answer, stages.diagnose(project, day, data).state(data)) for day, answer in answers.items()
+            ]
+            table(HEAD, rows, "What was found on each day")
+        else:
+            text("p", "No day has been diagnosed yet.", "note")
+        as_it_is = bool(data["options"].get("as_it_is"))
+        vehicle = stages.first_guess(data)
+        tick(
+            f"relative to {vehicle} as it is, in place of {CALIBRATED}", as_it_is, partial(_option, project, "as_it_is")
+        )
+        _effects(project, data)
+    for day in days:
+        with section(day):
+            stage = stages.diagnose(project, day, data)
+            run_button(stage, jobs, data, f"Diagnose {day}")
+            if day in answers and stage.state(data) in ("done", "stale"):
+                _answer(answers[day])
+                with box("details") as details:
+                    text("summary", f"Report of {day}")
+                    frame_of(stage.outputs[1], f"Report of {day}")
+                if len(answers) == 1:
+                    details.props["open"] = True
+    text("p", "Next: Apply.", "note")
+
+
+def answer_of(project: Project, day: str) -> Answer | None:
+    """What was found on a day, None where nothing was asked or the file is none."""
+    path = project.folder / "answers" / f"{day}.json"
+    try:
+        return read_answer(path) if path.exists() else None
+    except DriftDrakeError:
+        return None
+
+
+def _row(day: str, answer: Answer, state: str) -> list[str]:
+    sizes = [
+        f"{significant(q.estimate, 3)} ({significant(q.low, 3)} to {significant(q.high, 3)}){CATALOGUE[name].suffix}"
+        for name, q in answer.magnitudes.items()
+        if name in CATALOGUE
+    ]
+    probability = f"{answer.posterior.get('+'.join(sorted(answer.causes)) or answer.verdict, 0.0):.2f}"
+    removed = f"{100.0 * answer.reduction.estimate:.0f} %" if answer.causes else ""
+    return [day, answer.verdict, ", ".join(answer.causes), "; ".join(sizes), probability, removed, stages.STATES[state]]
+
+
+def _answer(answer: Answer) -> None:
+    """What is left over first, then the sentence and its warnings."""
+    if left := answer.details.get("left_over"):
+        like = left.get("like") if isinstance(left, dict) else None
+        text("p", "Left over: something that no effect of the catalogue explains"
+             + (f"; it acts like {like}." if like else "."), "warning")  # fmt: skip
+    text("p", answer.sentence(), "verdict" if answer.verdict == "none" else "verdict not")
+    for warning in answer.warnings:
+        text("p", warning, "warning")
+
+
+def _effects(project: Project, data: dict[str, Any]) -> None:
+    """Effects to consider: all, unless some are chosen."""
+    chosen = [name for name in data["options"].get("effects") or [] if name in CATALOGUE]
+    with box("details"):
+        text("summary", f"Effects that are considered: {', '.join(chosen) if chosen else 'all'}")
+        with box("div", "form"):
+            for name in CATALOGUE:
+                tick(name, name in chosen, partial(_consider, project, name))
+
+
+def _consider(project: Project, name: str, on: bool) -> None:
+    with project.changing() as data:
+        kept = [one for one in data["options"].get("effects") or [] if one != name]
+        data["options"]["effects"] = [*kept, name] if on else kept
+
+
+def _option(project: Project, key: str, value: Any) -> None:
+    with project.changing() as data:
+        data["options"][key] = value

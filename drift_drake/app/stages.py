@@ -1,0 +1,229 @@
+"""The steps of a project: of each the command, the files that it reads and writes, and whether it has to be run."""
+
+import json
+import re
+import shlex
+import shutil
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from drift_drake.app.project import CALIBRATED, CALIBRATION, CALIBRATION_REPORT, CAR, MAPPING, Project
+from drift_drake.car.log.table import IMPORT_REPORT
+
+DAY = re.compile(r"[^\W_][\w .-]{0,39}")  # what a day may be called: it is a folder's name
+STATES = {
+    "none": "not run yet", "running": "running", "done": "done", "stale": "its inputs have changed: run it again",
+    "refused": "refused", "cancelled": "cancelled",
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Stage:
+    """A step: its command's words, and its inputs and outputs as paths within the folder."""
+
+    project: Project
+    name: str
+    title: str
+    words: list[str]
+    inputs: list[str]
+    outputs: list[str]
+    refused: Callable[[], str | None] = field(default=lambda: None)
+    replaces: str = ""  # a folder that the command makes anew
+
+    def command(self) -> str:
+        """What gives the same files in a terminal, from within the folder."""
+        return shlex.join(["drift-drake", *self.words])
+
+    def digest(self) -> str:
+        """Of all that the outputs depend on."""
+        return self.project.digest(self.inputs, self.words)
+
+    def state(self, data: Mapping[str, Any]) -> str:
+        """One of `STATES`, by what the project file holds."""
+        record = data["steps"].get(self.name)
+        if not isinstance(record, dict):
+            return "none"
+        ended = str(record.get("ended", "none"))
+        if ended == "done" and not all((self.project.folder / path).exists() for path in self.outputs):
+            return "none"
+        if ended == "running":
+            return ended
+        return ended if record.get("inputs") == self.digest() and ended in STATES else "stale"
+
+    def said(self, data: Mapping[str, Any]) -> str:
+        """What the command said when it was last run."""
+        record = data["steps"].get(self.name)
+        return str(record.get("said", "")) if isinstance(record, dict) else ""
+
+    def stamps(self) -> list[int | None]:
+        """When each output was written last."""
+        paths = [self.project.folder / path for path in self.outputs]
+        return [path.stat().st_mtime_ns if path.exists() else None for path in paths]
+
+    def before(self) -> None:
+        """Puts aside the folder that the command makes anew."""
+        aside, folder = self._aside(), self.project.folder / self.replaces
+        if self.replaces and folder.is_dir():
+            shutil.rmtree(aside, ignore_errors=True)
+            folder.rename(aside)
+
+    def after(self, well: bool) -> None:
+        """Takes it back where the command failed; else all in it that the command had not written."""
+        aside, folder = self._aside(), self.project.folder / self.replaces
+        if not self.replaces or not aside.is_dir():
+            return
+        if not well:
+            shutil.rmtree(folder, ignore_errors=True)
+            aside.rename(folder)
+            return
+        for path in aside.iterdir():
+            if not path.name.startswith(("run_", IMPORT_REPORT)):
+                path.rename(folder / path.name)
+        shutil.rmtree(aside)
+
+    def _aside(self) -> Path:
+        path = self.project.folder / self.replaces
+        return path.with_name(f".{path.name}.before")
+
+
+def import_day(project: Project, day: str, data: dict[str, Any]) -> Stage:
+    """A day's recordings to runs."""
+    recordings, given, out = project.days(data).get(day, []), project.day(day, data), f"logs/{day}"
+    words = ["import", *recordings, "--mapping", MAPPING, "--out", out]
+    for name in ("start", "end"):
+        if given.get(name) is not None:
+            words += [f"--{name}", f"{given[name]:g}"]
+    return Stage(project, f"import {day}", f"the import of {day}", words, [*recordings, MAPPING],
+                 [f"{out}/{IMPORT_REPORT}"], replaces=out)  # fmt: skip
+
+
+def first_guess(data: Mapping[str, Any]) -> str:
+    """The vehicle file that a calibration begins with: the form's, or one of the folder."""
+    return str(data["options"].get("vehicle") or CAR)
+
+
+def check_day(project: Project, day: str, data: dict[str, Any]) -> Stage:
+    """Whether a day is good enough to calibrate on."""
+    out = f"check/{day}.json"
+    car = first_guess(data)
+    words = ["check", f"logs/{day}", "--vehicle", car, "--for-calibration", "--json", out]
+    return Stage(project, f"check {day}", f"the check of {day}", words, [*_logs(project, day), car], [out],
+                 lambda: _there(project, car, day))  # fmt: skip
+
+
+def baseline(project: Project, data: dict[str, Any]) -> list[str]:
+    """Days that a car is calibrated on: those that were chosen, else the first."""
+    days = list(project.days(data))
+    return [day for day in days if project.day(day, data).get("baseline")] or days[:1]
+
+
+def calibrate(project: Project, data: dict[str, Any]) -> Stage:
+    """The calibration on the baseline's days."""
+    days, options = baseline(project, data), data["options"]
+    logs = [f"logs/{day}" for day in days]
+    words = ["identify", *logs, "--vehicle", first_guess(data), "--out", CALIBRATED, "--json", CALIBRATION]
+    words += ["--report", CALIBRATION_REPORT]
+    words += [word for name in ("criterion", "car") if options.get(name) for word in (f"--{name}", str(options[name]))]
+
+    def refused() -> str | None:
+        now = project.read()
+        open_ = [day for day in days if not passed(project, day, now)]
+        return f"check first whether {', '.join(open_)} can be calibrated on" if open_ else None
+
+    inputs = [path for day in days for path in _logs(project, day)] + [first_guess(data)]
+    return Stage(project, "calibrate", "the calibration", words, inputs,
+                 [CALIBRATED, CALIBRATION, CALIBRATION_REPORT], refused)  # fmt: skip
+
+
+def believed(data: dict[str, Any]) -> tuple[str, list[str]]:
+    """The vehicle file that days are diagnosed relative to, and its calibration's options."""
+    as_it_is = bool(data["options"].get("as_it_is"))
+    return (first_guess(data), []) if as_it_is else (CALIBRATED, ["--calibration", CALIBRATION])
+
+
+def diagnose(project: Project, day: str, data: dict[str, Any]) -> Stage:
+    """A day's diagnosis."""
+    vehicle, trust = believed(data)
+    outputs = [f"answers/{day}.json", f"answers/{day}.html"]
+    words = ["diagnose", f"logs/{day}", "--vehicle", vehicle, *trust, "--json", outputs[0], "--report", outputs[1]]
+    words += ["--effects", *data["options"]["effects"]] if data["options"].get("effects") else []
+
+    def refused() -> str | None:
+        now = project.read()
+        if (why := _there(project, vehicle, day)) is not None:
+            return why
+        if vehicle == CALIBRATED and (state := calibrate(project, now).state(now)) != "done":
+            return f"calibrate the car first (the calibration: {STATES[state]})"
+        return None
+
+    return Stage(project, f"diagnose {day}", f"the diagnosis of {day}", words,
+                 [*_logs(project, day), vehicle, *trust[1:]], outputs, refused)  # fmt: skip
+
+
+def apply(project: Project, day: str, data: dict[str, Any]) -> Stage:
+    """The vehicle file corrected by a day's answer."""
+    vehicle, answer, out = believed(data)[0], f"answers/{day}.json", f"corrected/{day}.yaml"
+    words = ["apply", answer, "--vehicle", vehicle, "--out", out]
+    return Stage(project, f"apply {day}", f"the correction by {day}", words, [answer, vehicle], [out],
+                 lambda: _done(diagnose(project, day, project.read())))  # fmt: skip
+
+
+def replay(project: Project, day: str, run: str, data: dict[str, Any]) -> Stage:
+    """The 3D replay of a run with both cars."""
+    vehicle, corrected = believed(data)[0], f"corrected/{day}.yaml"
+    log, out = f"logs/{day}/{run}", f"replays/{day} {run.split('.')[0]}.html"
+    words = ["replay", log, "--vehicle", vehicle, "--corrected", corrected, "--html", out]
+    return Stage(project, f"replay {day} {run}", "the replay", words, [log, vehicle, corrected], [out],
+                 lambda: _done(apply(project, day, project.read())))  # fmt: skip
+
+
+def export(project: Project, day: str) -> Stage:
+    """A day's runs for Foxglove."""
+    out = f"foxglove/{day}"
+    words = ["export", f"logs/{day}", "--format", "mcap", "--out", out]
+    return Stage(project, f"export {day}", "the export", words, _logs(project, day), [out])
+
+
+def plan_next(project: Project, day: str, data: dict[str, Any]) -> Stage:
+    """The drive that distinguishes what a day's answer leaves open."""
+    vehicle, answer, out = believed(data)[0], f"answers/{day}.json", f"plans/{day}.csv"
+    words = ["plan-next", answer, "--vehicle", vehicle, "--out", out]
+    return Stage(project, f"plan {day}", "the plan of the next drive", words, [answer, vehicle], [out],
+                 lambda: _done(diagnose(project, day, project.read())))  # fmt: skip
+
+
+def passed(project: Project, day: str, data: dict[str, Any]) -> bool:
+    """Whether a day may be calibrated on: its check of these inputs said so, or somebody has taken it nevertheless."""
+    stage = check_day(project, day, data)
+    if stage.state(data) != "done":
+        return False
+    return bool(checked(project, day)["for_calibration"]["good_enough"]) or accepted(project, day, data)
+
+
+def accepted(project: Project, day: str, data: dict[str, Any]) -> bool:
+    """Whether somebody has taken these very logs, of which the check said that they are not good enough."""
+    return bool(project.day(day, data).get("accepted") == check_day(project, day, data).digest())
+
+
+def checked(project: Project, day: str) -> dict[str, Any]:
+    """What a day's check wrote."""
+    return dict(json.loads((project.folder / f"check/{day}.json").read_text(encoding="utf-8")))
+
+
+def _logs(project: Project, day: str) -> list[str]:
+    paths = [str(path) for path in project.runs(day)]
+    report = f"logs/{day}/{IMPORT_REPORT}"
+    return paths + ([report] if (project.folder / report).exists() else [])
+
+
+def _there(project: Project, vehicle: str, day: str) -> str | None:
+    if not project.runs(day):
+        return f"import {day} first"
+    return None if (project.folder / vehicle).exists() else f"there is no {vehicle} yet; describe the car first"
+
+
+def _done(stage: Stage) -> str | None:
+    state = stage.state(stage.project.read())
+    return None if state == "done" else f"{stage.title} comes first ({STATES[state]})"

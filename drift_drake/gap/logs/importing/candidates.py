@@ -1,0 +1,114 @@
+"""All columns that may be each quantity of a log, ranked by what motion says of them, then by their names."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from pandas.api.types import is_numeric_dtype
+
+from drift_drake.common.units import unit_of
+from drift_drake.gap.logs.importing.clocks import by_clock, clock_of, own_name, rate_of, seconds, with_numbers
+from drift_drake.gap.logs.importing.evidence import LIKE, Trace, agreements_with, derivative, likeness, product
+from drift_drake.gap.logs.importing.formats.topics import Topic
+from drift_drake.gap.logs.importing.guess import LOOKED_FOR, ColumnChoice, Traces, named_candidates
+from drift_drake.gap.logs.importing.names import stated_unit
+from drift_drake.gap.logs.wording.conversion import dimensions_of, to_iso8855
+
+SLOWEST = 0.5  # [m/s] below which a rate of sideslip is not asked
+
+
+class RankedColumn(NamedTuple):
+    """A column that may be a quantity.
+
+    likeness: its correlation with what other columns say of it (0: nothing says anything); says: what that is; unit:
+    of the quantity's kind, as the file or the name states it, else ""; named: whether its name looks like it.
+    """
+
+    column: str
+    likeness: float
+    says: str
+    unit: str
+    named: bool
+
+
+def ranked(topics: Sequence[Topic], signals: Mapping[str, Mapping[str, Any]]) -> dict[str, list[RankedColumn]]:
+    """Columns of numbers by quantity, best first: those that motion speaks for, then those whose names do, the rest.
+
+    Args:
+        signals: columns that are chosen so far, as a mapping's `signals`; each is judged by the others.
+    """
+    topics = [with_numbers(part) for topic in topics for part in by_clock(topic)]
+    clocks = {topic.name: clock for topic in topics if (clock := clock_of(topic)) is not None}
+    times = {topic.name: seconds(topic, clocks[topic.name]) for topic in topics if topic.name in clocks}
+    ordered = sorted(topics, key=lambda topic: -rate_of(times[topic.name]) if topic.name in times else 0.0)
+    traces, every = Traces(times), _columns(ordered, clocks)
+    read = _chosen(signals, every, traces)
+    found = {}
+    for quantity in LOOKED_FOR:
+        names = {(c.topic.name, c.column): c for c in named_candidates(quantity, ordered, clocks)}
+        known = {name: trace for name, trace in read.items() if name != quantity}
+        rows = []
+        for key, choice in every.items():
+            by_name = names.get(key)
+            agreeing = agreements_with(quantity, traces(choice), known) + _slower(quantity, traces(choice), known)
+            size, says = max(agreeing, default=(0.0, ""))
+            unit = _unit(quantity, choice) if by_name is None or by_name.unit in (None, "?") else str(by_name.unit)
+            order = (-round(size, 2) if size > LIKE else 0.0, 99.0 if by_name is None else by_name.rank, -size)
+            rows.append((order, RankedColumn(choice.column, max(size, 0.0), says, unit, by_name is not None)))
+        found[quantity] = [candidate for _, candidate in sorted(rows, key=lambda row: row[0])]
+    return found
+
+
+def _columns(topics: Sequence[Topic], clocks: Mapping[str, str]) -> dict[tuple[str, str], ColumnChoice]:
+    return {
+        (topic.name, str(column)): ColumnChoice(topic, str(column), 0.0, None)
+        for topic in topics
+        for column in topic.table.columns
+        if column != clocks.get(topic.name) and is_numeric_dtype(topic.table[column])
+    }
+
+
+def _slower(quantity: str, choice: Trace, known: Mapping[str, Trace]) -> list[tuple[float, str]]:
+    """What the chosen columns say of sideslip, and wheels of a speed: no reason to choose, but one to rank by."""
+    if quantity in ("v", "vx") and "omega_r" in known:
+        return [(likeness(choice, known["omega_r"]), "omega_r")]
+    if quantity in ("beta", "vy") and {"ay", "v", "r"} <= set(known):
+        turning, ay, v = product(known["v"], known["r"]), known["ay"], known["v"]
+        there = np.isfinite(turning.values) & np.isfinite(v.values)
+        if np.count_nonzero(there) > 1:
+            slides = ay.values - np.interp(ay.t, turning.t[there], turning.values[there])
+            if quantity == "vy":
+                return [(likeness(derivative(choice), Trace(ay.t, slides, None)), "its rate is ay - v r")]
+            speed = np.maximum(np.interp(ay.t, v.t[there], v.values[there]), SLOWEST)
+            return [(likeness(derivative(choice), Trace(ay.t, slides / speed, None)), "its rate is ay / v - r")]
+    return []
+
+
+def _chosen(
+    signals: Mapping[str, Mapping[str, Any]], every: Mapping[tuple[str, str], ColumnChoice], traces: Traces
+) -> dict[str, Trace]:
+    """What is chosen so far, in SI as far as the mapping says how."""
+    by_name = {column: choice for (_, column), choice in every.items()}
+    found = {}
+    for name, line in signals.items():
+        if not isinstance(line, Mapping) or line.get("column") not in by_name:
+            continue
+        trace, unit = traces(by_name[line["column"]]), unit_of(str(line.get("unit", "")), dimensions_of(name))
+        size = (1.0 if unit is None else unit.factor) * _number(line.get("sign")) * _number(line.get("scale"))
+        found[name] = Trace(trace.t, to_iso8855(name, size * trace.values, str(line.get("frame") or "iso8855")), None)
+    return found | ({"v": found["vx"]} if "vx" in found and "v" not in found else {})
+
+
+def _number(value: Any) -> float:
+    return float(value) if isinstance(value, int | float) else 1.0
+
+
+def _unit(quantity: str, choice: ColumnChoice) -> str:
+    kinds = dimensions_of(quantity)
+    name, stated = own_name(choice.topic, choice.column), choice.topic.units.get(choice.column, "")
+    for kind in kinds:
+        _, found = stated_unit(name, stated, kind)
+        unit = unit_of(found.text, kinds) if found is not None else None
+        if unit is not None:
+            return unit.name
+    return ""

@@ -1,0 +1,92 @@
+"""The workbench on a folder, and a browser that notes errors and requests to anywhere else."""
+
+import json
+import re
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from tests.browser import BROWSER
+
+WAIT = 60.0  # [s]
+
+
+class Workbench:
+    """`drift-drake app` in a process of its own."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder, given = folder, folder.parent / f"{folder.name}.json"
+        path = [entry for entry in sys.path if entry]
+        program = f"import sys; sys.path[:] = {path!r}; from drift_drake.__main__ import main; sys.exit(main())"
+        words = ["app", str(folder), "--no-open", "--json", str(given)]
+        self.log = given.with_suffix(".log").open("wb")
+        self.process = subprocess.Popen([sys.executable, "-c", program, *words], stdout=self.log, stderr=self.log)
+        end = time.monotonic() + WAIT
+        while not given.exists() and self.process.poll() is None and time.monotonic() < end:
+            time.sleep(0.05)
+        assert given.exists(), Path(self.log.name).read_text()
+        self.address = json.loads(given.read_text())["address"]
+        self.site = self.address.split("/?")[0]
+
+    def close(self) -> None:
+        """Ends it as Ctrl-C does."""
+        self.process.terminate()
+        self.process.wait(WAIT)
+        self.log.close()
+
+
+class Window:
+    """A window of the browser on a workbench."""
+
+    def __init__(self, browser, workbench, width=1280, scheme="light") -> None:
+        self.context = browser.new_context(viewport={"width": width, "height": 900}, color_scheme=scheme)
+        self.page = self.context.new_page()
+        self.page.set_default_timeout(1000.0 * WAIT)
+        self.folder, self.site, self.wrong = workbench.folder, workbench.site, []
+        self.page.on("console", lambda m: self.wrong.append(m.text) if m.type == "error" else None)
+        self.page.on("pageerror", lambda error: self.wrong.append(str(error)))
+        self.page.on("request", lambda request: self._asked(request.url))
+        self.page.goto(workbench.address)
+
+    def _asked(self, url: str) -> None:
+        if not re.match(rf"({re.escape(self.site)}/|ws://{self.site[7:]}/|data:|blob:)", url):
+            self.wrong.append(f"asks {url}")
+
+    def go(self, step: str) -> None:
+        """To a step's page, by its link."""
+        self.page.get_by_role("navigation").get_by_role("link", name=f"{step}:").click()
+        self.page.get_by_role("heading", name=step, level=1).wait_for()
+
+    def too_wide(self) -> int:
+        """Pixels that the page sticks out by."""
+        return self.page.evaluate("document.documentElement.scrollWidth - innerWidth")
+
+
+@pytest.fixture(scope="session")
+def browser():
+    playwright = pytest.importorskip("playwright.sync_api", reason="a real browser is driven by playwright")
+    pytest.importorskip("nicegui", reason="the workbench needs the extra `app`")
+    if BROWSER is None:
+        pytest.skip("no Chromium on this machine: apt install chromium")
+    with playwright.sync_playwright() as driver:
+        chromium = driver.chromium.launch(executable_path=BROWSER, args=["--no-sandbox"])
+        yield chromium
+        chromium.close()
+
+
+@pytest.fixture
+def window(browser):
+    """Makes windows, which are closed in the end; nothing may be wrong in any."""
+    opened = []
+
+    def new(workbench, **options):
+        opened.append(Window(browser, workbench, **options))
+        return opened[-1]
+
+    yield new
+    for one in opened:
+        assert one.wrong == []
+        one.context.close()

@@ -1,0 +1,133 @@
+"""The whole way in a browser: from a dropped `.mat` of a car made here to its corrected simulator, without a terminal.
+
+The answer is the command line's, to the byte. With PICTURE=docs/workbench.png the check's page is photographed.
+"""
+
+import os
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+import scipy.io
+
+from drift_drake.car.effects.magnitudes import make_effects
+from drift_drake.car.parameters import VehicleParameters
+from drift_drake.car.vehicle_file import read_vehicle, write_vehicle
+from drift_drake.cli.main import main
+from tests.app.conftest import Workbench
+
+pytestmark = pytest.mark.slow
+CAR = VehicleParameters(mass=1480.0, yaw_inertia=2100.0, front_axle_distance=1.15, rear_axle_distance=1.45)
+LAG = 0.09  # [s] of Tuesday's steering
+DAY = "day (empty: not used) of "
+PATIENCE = 1.2e6  # [ms] of a calibration
+
+
+def drive(folder: Path, name: str, lag: float, seed: int) -> None:
+    """A lively drive of the car, as a recorder that is not ours writes it: degrees, km/h, the steering wheel."""
+    write_vehicle(folder / "real.yaml", CAR, make_effects({"steering_lag": lag} if lag else {}))
+    random, t = np.random.default_rng(seed), np.arange(0.0, 26.0, 0.01)
+    waves = [(random.uniform(0.1, 1.6), random.uniform(0.3, 1.0), random.uniform(0.0, 6.3)) for _ in range(9)]
+    steer = sum(size / (1.0 + f) * np.sin(2.0 * np.pi * f * t + at) for f, size, at in waves)
+    steer = 0.05 * steer / np.max(np.abs(steer)) + 0.02 * np.sin(0.1 * np.pi * t)
+    torque = np.clip(14.0 + 60.0 * np.sign(np.sin(0.82 * t + seed)), -45.0, 150.0)
+    pd.DataFrame({"t": t, "delta_cmd": steer, "tau_cmd": torque}).to_csv(folder / "commands.csv", index=False)
+    run = folder / "run.csv"
+    words = ["--vehicle", str(folder / "real.yaml"), "--out", str(run), "--seed", str(seed), "--speed", "16"]
+    assert main(["simulate", str(folder / "commands.csv"), *words]) == 0
+    log, deg = pd.read_csv(run), 180.0 / np.pi
+    columns = {
+        "Time": log.t + 31.4, "YawRate": log.r * deg, "VehSpd": log.v * 3.6, "SteerAngle": log.delta_cmd * deg * 15.2,
+        "EngTrq": log.tau_cmd, "SideSlip": log.beta * deg, "AccLong": log.ax, "AccLat": log.ay,
+        "WheelSpd_RL": log.omega_r * 3.6, "Yaw": log.psi * deg,
+    }  # fmt: skip
+    scipy.io.savemat(folder / f"{name}.mat", {key: values.to_numpy() for key, values in columns.items()})
+
+
+def test_from_a_dropped_file_to_a_corrected_simulator(window, tmp_path, monkeypatch):
+    made, folder = tmp_path / "made", tmp_path / "car"
+    made.mkdir(), folder.mkdir()
+    for name, lag, seed in (("first", 0.0, 1), ("second", 0.0, 2), ("tuesday", LAG, 3)):
+        drive(made, name, lag, seed)
+    workbench = Workbench(folder)
+    try:
+        one = window(workbench)
+        page = one.page
+        page.set_default_timeout(PATIENCE)
+        page.get_by_label("Choose recordings").set_input_files(sorted(made.glob("*.mat")))
+        page.get_by_text("tuesday.mat: 10 columns").wait_for()
+        page.get_by_label(f"{DAY}tuesday.mat").fill("tuesday")
+        page.keyboard.press("Enter")
+        page.get_by_role("heading", name="tuesday", exact=True).wait_for()
+        columns(one)
+        car(one)
+        calibrate(one)
+        one.go("Diagnose")
+        page.get_by_role("button", name="Diagnose tuesday").click()
+        page.locator(".verdict", has_text="steering_lag").wait_for()
+        one.go("Apply")
+        page.get_by_role("button", name="Apply tuesday").click()
+        page.locator(".diff .plus", has_text="steering_lag").wait_for()
+    finally:
+        workbench.close()
+    _, effects = read_vehicle(folder / "corrected" / "tuesday.yaml")
+    assert abs(effects.steering_lag - LAG) < 0.005
+    monkeypatch.chdir(folder)
+    again = tmp_path / "again.json"
+    words = ["--vehicle", "calibrated.yaml", "--calibration", "calibrated.json", "--quiet"]
+    assert main(["diagnose", "logs/tuesday", *words, "--json", str(again)]) == 0
+    assert again.read_bytes() == Path("answers/tuesday.json").read_bytes()
+
+
+def columns(one):
+    """Wrong units are put in, and corrected by what the page offers."""
+    page = one.page
+    one.go("Columns")
+    page.get_by_role("button", name="Guess it").click()
+    page.get_by_label("unit of r", exact=True).select_option("rad/s")
+    page.get_by_text("The import would be refused").wait_for()
+    page.get_by_role("button", name="Read r in deg/s").first.click()
+    page.get_by_label("wheelbase").fill("2.6")
+    page.keyboard.press("Enter")
+    page.get_by_label("steering ratio of delta_cmd").fill("15.2")
+    page.keyboard.press("Enter")
+    page.get_by_role("button", name="Read beta in deg").first.click()
+    page.get_by_text("nothing looks wrong").wait_for()
+    for k, day in enumerate(("day 1", "tuesday")):
+        page.get_by_role("button", name=f"Import {day}").click()
+        page.wait_for_function(f"document.querySelectorAll('.state.done').length == {k + 1}")
+        page.get_by_role("button", name="Cancel").wait_for(state="detached")
+
+
+def car(one):
+    """A template, with what is known of the car."""
+    page = one.page
+    one.go("Car")
+    page.get_by_role("button", name="Saloon").click()
+    for name, value in (("mass [kg]", "1485"), ("front_axle_distance [m]", "1.15"), ("wheel_radius [m]", "0.337")):
+        page.get_by_label(name, exact=True).fill(value)
+        page.keyboard.press("Enter")
+        page.wait_for_timeout(1500)
+    one.go("Check")
+    page.get_by_role("button", name="Check day 1").click()
+    page.get_by_text("day 1 is good enough to calibrate a car on").wait_for()
+    page.locator(".clouds .js-plotly-plot .scatterlayer").nth(3).wait_for()
+    if picture := os.environ.get("PICTURE"):
+        page.screenshot(path=picture, full_page=True)
+
+
+def calibrate(one):
+    """Cancelled once, and then to its end."""
+    page = one.page
+    one.go("Calibrate")
+    page.get_by_label("kind of car").select_option("single-track")
+    page.get_by_text("--car single-track").wait_for()
+    page.get_by_role("button", name="Calibrate", exact=True).click()
+    page.get_by_role("button", name="Cancel").click()
+    page.locator(".state.cancelled").wait_for()
+    assert not (Path(one.folder) / "calibrated.json").exists()
+    page.get_by_role("button", name="Calibrate", exact=True).click()
+    page.get_by_role("table", name="Estimates and the first guess").wait_for()
+    page.get_by_role("button", name="Show logs/day 1/run_1.csv").click()
+    page.locator("main .js-plotly-plot .scatterlayer .trace").nth(5).wait_for()

@@ -86,8 +86,8 @@ def guessed_mapping(topics: Sequence[Topic]) -> Guess:
     notes += _choices_said(found, choices)
     units, said = _units(found, signals, ordered)
     entries, of_column = _clock_entries(found, clocks, rates)
-    beside = [name for name, clock in clocks.items() if name == clock]  # of one table: see `by_clock`
-    if len(beside) > 1 and _began_together([times[name] for name in beside]):
+    blocks = [name for name, clock in clocks.items() if name == clock]  # of one table: see `by_clock`
+    if len(blocks) > 1 and _began_together([times[name] for name in blocks]):
         entries = {name: entry | {"epoch": "shared"} for name, entry in entries.items()}
     if len(set(of_column.values())) > len({topic.name for topic, *_ in found.values()}):
         said.append("Columns are read in rows of their own: each such group has a clock of its own, of the same times.")

@@ -149,7 +149,7 @@ def test_a_column_that_is_not_what_it_is_called(name, drifting):
     assert name.split()[0] in sentence
 
 
-def test_two_speeds_that_are_too_much_alike_to_be_told_apart_are_named(log):
+def test_two_speeds_that_are_too_much_alike_are_named(log):
     """Whether they are exchanged or not."""
     assert consistency_of([kinematic_log(60.0, drifting=0.6)], CAR).undecided == ()
     rolling = dataclasses.replace(log, omega_r=log.v * (1.0 + 0.01 * np.sin(log.t)))

@@ -32,7 +32,6 @@ def logs_page(project: Project, readings: Recordings, _jobs: Jobs, data: dict[st
             text("p", "Drop files here, or choose them:")
             box("input_", type="file", multiple="multiple", id="recordings", aria_label="Choose recordings")
             text("p", FORMATS, "note")
-        box("div", id="uploads", role="status")
     names, days = project.recordings(), project.days(data)
     with section("Recordings"):
         if not names:

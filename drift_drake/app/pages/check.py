@@ -117,9 +117,12 @@ def _trim_fields(project: Project, day: str, data: dict[str, Any]) -> None:
     given = project.day(day, data)
     with box("div", "fields"):
         for key in ("start", "end"):
-            field(key, given.get(key), lambda words, key=key: set_of_day(project, day, key, number(words)), unit="s",
-                  of=day, min="0")  # fmt: skip
+            field(key, given.get(key), partial(_trimmed, project, day, key), unit="s", of=day, min="0")
         text("span", "Seconds after each recording's first reading; the day is then imported again.", "note")
+
+
+def _trimmed(project: Project, day: str, key: str, words: str) -> None:
+    set_of_day(project, day, key, number(words))
 
 
 def _timeline(project: Project, day: str, run: Any, trims: bool) -> None:

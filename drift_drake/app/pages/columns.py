@@ -188,14 +188,16 @@ def _globals(view: _View, mapping: dict[str, Any]) -> None:
     async def given(key: str, value: Any) -> None:
         await view.edit(lambda data: set_global(data, key, value))
 
+    async def pointed(axis: int, words: str) -> None:
+        await given("measured_point", (axis, number(words)))
+
     with box("div", "fields"):
         frames = {name: words for name, words in FRAMES.items() if name}
         choice("frame of the file", frames, str(mapping.get("frame", "iso8855")), partial(given, "frame"))
         field("wheelbase", mapping.get("wheelbase"), lambda q: given("wheelbase", number(q)), unit="m", min="0")
         point = mapping.get("measured_point") or [None, None]
         for k, words in enumerate(("speed is measured ahead by", "and to the left by")):
-            field(words, point[k] if len(point) > k else None,
-                  lambda q, k=k: given("measured_point", (k, number(q))), unit="m")  # fmt: skip
+            field(words, point[k] if len(point) > k else None, partial(pointed, k), unit="m")
     text("p", "A wheelbase lets the steering ratio be judged. Where the speed is measured is relative to the centre of "
          "gravity.", "note")  # fmt: skip
 

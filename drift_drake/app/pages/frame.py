@@ -14,10 +14,15 @@ from drift_drake.app.project import MAPPING, Project
 from drift_drake.common.errors import DriftDrakeError
 
 POLL = 0.5  # [s]
-# A chart that is taken off the page hears of its last resize, which plotly answers by a rejection.
-QUIET = """<script>addEventListener("unhandledrejection", event => {
+# A chart that is taken off the page hears of its last resize, which plotly answers by a rejection; what is being typed
+# is not drawn over.
+SCRIPT = """<script>
+addEventListener("unhandledrejection", event => {
   if (String(event.reason?.message ?? event.reason).startsWith("Resize must be passed")) event.preventDefault();
-});</script>"""
+});
+addEventListener("input", event => { window.typing = !["checkbox", "file"].includes(event.target.type); }, true);
+for (const name of ["change", "focusout"]) addEventListener(name, () => { window.typing = false; }, true);
+</script>"""
 # Of each window what it has shown, and what draws its way through the steps.
 SEEN: WeakKeyDictionary[Any, tuple[tuple[Any, ...], Callable[[], Any]]] = WeakKeyDictionary()
 
@@ -44,7 +49,7 @@ STEPS = (
 def page(project: Project, jobs: Jobs, step: Step, draw: Callable[[dict[str, Any]], None]) -> None:
     """One page: the frame, and what `draw` makes of the project file's content."""
     ui.add_head_html(f"<style>{(resources.files('drift_drake.app.pages') / 'look.css').read_text()}</style>")
-    ui.add_head_html(QUIET)
+    ui.add_head_html(SCRIPT)
     ui.page_title(f"{step.name} - {folder_name(project)} - drift_drake")
     client = ui.context.client
     way = ui.refreshable(_way)
@@ -64,11 +69,12 @@ def page(project: Project, jobs: Jobs, step: Step, draw: Callable[[dict[str, Any
 
     text("a", "Skip to the content", "skip", href="#main")
     way(project, step)
+    box("div", id="uploads", role="status")  # what is said of files stays when the rest is drawn anew
     content()
     bar = box("div", "job", role="status", aria_live="polite")
     shown: list[Any] = [None]
 
-    def poll() -> None:
+    async def poll() -> None:
         job = jobs.running
         now = None if job is None else (job.stage.title, job.doing, round(100 * job.share), job.cancelled)
         if now != shown[0]:
@@ -77,11 +83,18 @@ def page(project: Project, jobs: Jobs, step: Step, draw: Callable[[dict[str, Any
             if job is not None:
                 with bar:
                     _running(jobs)
-        if stamp(project, jobs) != SEEN[client][0]:
+        if stamp(project, jobs) != SEEN[client][0] and not await _typing():
             way.refresh()
             content.refresh()
 
     ui.timer(POLL, poll)
+
+
+async def _typing() -> bool:
+    try:
+        return bool(await ui.run_javascript("window.typing === true", timeout=2.0))
+    except TimeoutError:
+        return True  # the window does not answer: it is drawn anew once it does
 
 
 def own_edit(project: Project, jobs: Jobs) -> None:

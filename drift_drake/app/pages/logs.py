@@ -27,12 +27,10 @@ def logs_page(project: Project, readings: Recordings, _jobs: Jobs, data: dict[st
     """The page's content."""
     script = (resources.files("drift_drake.app.pages") / "upload.js").read_text()
     ui.add_body_html(f"<script>{script}</script>")
-    with section("Add recordings"):
-        with box("div", "drop"):
-            text("p", "Drop files here, or choose them:")
-            box("input_", type="file", multiple="multiple", id="recordings", aria_label="Choose recordings")
-            text("p", FORMATS, "note")
-        box("div", id="uploads", role="status")
+    with section("Add recordings"), box("div", "drop"):
+        text("p", "Drop files here, or choose them:")
+        box("input_", type="file", multiple="multiple", id="recordings", aria_label="Choose recordings")
+        text("p", FORMATS, "note")
     names, days = project.recordings(), project.days(data)
     with section("Recordings"):
         if not names:

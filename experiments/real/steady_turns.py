@@ -18,6 +18,7 @@ from drift_drake.common.run_folder import make_run_folder, write_json, write_ver
 from drift_drake.gap.logs.importing.importer import import_recordings
 from drift_drake.gap.logs.importing.mapping import read_mapping
 from experiments.made import made
+from experiments.other_worlds.hand_changes import NoDataError
 
 SPEEDS = (0.6, 0.8, 1.0, 1.2, 1.5, 1.8, 2.1)  # [m/s]
 AVERAGED = 1.0  # [s]
@@ -74,17 +75,24 @@ def table(found: dict[str, list[dict[str, float | str]]]) -> str:
 
 
 def recordings(data: Path) -> Sequence[Run]:
-    """The recordings on floor a, in the order of their times; named as `hand_changes` names them."""
-    runs = [import_recordings([path], read_mapping("dart"))[0][0] for path in sorted((data / "dart/floor_a").glob("*"))]
+    """The recordings on floor a, in the order of their times; named as `hand_changes` names them.
+
+    Raises:
+        NoDataError: there are none.
+    """
+    paths = sorted((data / "dart/floor_a").glob("*"))
+    if not paths:
+        raise NoDataError(f"{data}/dart/floor_a: has no recordings; give the folder of the data set (--data)")
+    runs = [import_recordings([path], read_mapping("dart"))[0][0] for path in paths]
     return [dataclasses.replace(run, name=f"floor_a_{i}") for i, run in enumerate(runs)]
 
 
 def main(config: SteadyTurns) -> None:
     """The table of all recordings."""
+    found = {run.name: steady_turns(run) for run in recordings(config.data)}
     folder = make_run_folder("steady_turns", config.out)
     write_json(folder / "config.json", config)
     write_versions(folder)
-    found = {run.name: steady_turns(run) for run in recordings(config.data)}
     write_json(folder / "numbers.json", found)
     text = f"{table(found)}\n\n{made(config)}\n"
     (folder / "report.md").write_text(text)

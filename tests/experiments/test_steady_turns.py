@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from drift_drake.car.log.table import Run
-from experiments.real.steady_turns import steady_turns, table
+from experiments.other_worlds.hand_changes import NoDataError
+from experiments.real.steady_turns import recordings, steady_turns, table
 
 
 def turning(r, torque, v=0.7, seconds=8.0):
@@ -31,3 +32,8 @@ def test_straight_or_accelerating_rows_do_not_count():
     run.v[:] = 0.6 + 0.4 * run.t
     assert steady_turns(run) == []
     assert steady_turns(turning(1.3, 0.04, seconds=3.0)) == []
+
+
+def test_a_folder_without_recordings_is_refused(tmp_path):
+    with pytest.raises(NoDataError, match="has no recordings"):
+        recordings(tmp_path)

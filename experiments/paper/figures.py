@@ -118,7 +118,7 @@ def draw_drives(folder: Path, kind: Kind, found: Taught, vehicle: int, online: P
         (files["drives_series"], "States and inputs of the three drives over time",
          f"The same over time; {whose}. See the yaw rate, the steering and the torque."),
         (files["predictions"], "Predicted change of each state over the steering angle, with the true car's",
-         f"Mean and 3 standard deviations of one step at {at}; {whose}. See whether the band closes round the true curve."),
+         f"Mean, 3 standard deviations of one step at {at}; {whose}. See whether the band closes on the true curve."),
         (files["norms"], "Total norm of the covariance falling over the time driven",
          f"Adaptation of the covariance's norm; {whose}. See which drive lowers it, and how soon."),
     ]  # fmt: skip

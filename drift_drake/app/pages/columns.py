@@ -1,5 +1,6 @@
 """Columns: which column is which quantity, laid over what others say of it; what looks wrong, and how to fix it."""
 
+import asyncio
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
@@ -11,7 +12,7 @@ from drift_drake.app import stages
 from drift_drake.app.jobs import Jobs
 from drift_drake.app.mapping_edits import edit, first_mapping, look_command, merge, set_global
 from drift_drake.app.pages.figures import MEASURED, RUNS, Chart
-from drift_drake.app.pages.frame import own_edit
+from drift_drake.app.pages.frame import own_edit, typing
 from drift_drake.app.pages.parts import (
     box,
     button,
@@ -45,6 +46,7 @@ FRAMES = {
     "sae": "right is positive (sae)",
 }
 SIGNS = {"1": "+", "-1": "- (turned)"}
+PAUSE = 0.2  # [s]
 LOOKED_AT = 300.0  # [s] of a recording, that what is said of the columns at once is judged by
 
 
@@ -121,6 +123,8 @@ class _View:
     async def draw_rows(self) -> None:
         """A row a quantity: those that are chosen, and the others folded."""
         ranked = await quietly(_ranked, self.readings, self.name, _signals(self.project.mapping()))
+        while await typing():
+            await asyncio.sleep(PAUSE)
         mapping = self.project.mapping() or {}  # as it is by now
         signals = _signals(mapping)
         self.rows.clear()

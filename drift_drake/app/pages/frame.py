@@ -83,14 +83,15 @@ def page(project: Project, jobs: Jobs, step: Step, draw: Callable[[dict[str, Any
             if job is not None:
                 with bar:
                     _running(jobs)
-        if stamp(project, jobs) != SEEN[client][0] and not await _typing():
+        if stamp(project, jobs) != SEEN[client][0] and not await typing():
             way.refresh()
             content.refresh()
 
     ui.timer(POLL, poll)
 
 
-async def _typing() -> bool:
+async def typing() -> bool:
+    """Whether somebody is typing in this window, whose field may not be drawn anew."""
     try:
         return bool(await ui.run_javascript("window.typing === true", timeout=2.0))
     except TimeoutError:

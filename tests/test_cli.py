@@ -94,7 +94,7 @@ def test_every_command_has_help(name, capsys):
     assert f"usage: drift-drake {name} " in capsys.readouterr().out
 
 
-@pytest.mark.parametrize(("word", "says"), [("diagnos", "is it diagnose?"), ("xyzzy", "there are demo, init,")])
+@pytest.mark.parametrize(("word", "says"), [("diagnos", "is it diagnose?"), ("xyzzy", "there are demo, app, init,")])
 def test_an_unknown_command_is_one_sentence(word, says, capsys):
     assert main([word]) == BAD_INPUT
     assert capsys.readouterr().err.startswith(f"drift-drake: '{word}' is not a command; {says}")

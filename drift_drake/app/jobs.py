@@ -93,7 +93,7 @@ class Jobs:
         path = [entry for entry in sys.path if entry]  # of this process: no module of the project's folder
         words = [sys.executable, "-P", "-c", PROGRAM.format(path=path), *job.stage.words]
         stamps = job.stage.stamps()
-        job.stage.before()
+        held = job.stage.before()
         environment = {**os.environ, "PYTHONUNBUFFERED": "1", "NO_COLOR": "1", "COLUMNS": "120"}
         try:
             with subprocess.Popen(
@@ -109,8 +109,8 @@ class Jobs:
             job.lines.append(str(error))
             code = BAD_INPUT
         written = all(new is not None and new != old for new, old in zip(job.stage.stamps(), stamps, strict=True))
-        job.stage.after(code == 0 and written)
         ended = "cancelled" if job.cancelled else "done" if code == 0 and written else "refused"
+        job.stage.after(ended == "done", held)
         said = CANCELLED if job.cancelled else "\n".join(job.lines)
         self._record(job.stage, ended, said, digest)
         with self._lock:

@@ -62,15 +62,24 @@ class Stage:
         paths = [self.project.folder / path for path in self.outputs]
         return [path.stat().st_mtime_ns if path.exists() else None for path in paths]
 
-    def before(self) -> None:
-        """Puts aside the folder that the command makes anew."""
+    def before(self) -> dict[Path, bytes]:
+        """Puts aside the folder that the command makes anew; what the other outputs hold."""
+        files = [self.project.folder / path for path in self.outputs if not self.replaces]
+        held = {path: path.read_bytes() for path in files if path.is_file()}
         aside, folder = self._aside(), self.project.folder / self.replaces
         if self.replaces and folder.is_dir():
             shutil.rmtree(aside, ignore_errors=True)
             folder.rename(aside)
+        return held
 
-    def after(self, well: bool) -> None:
-        """Takes it back where the command failed; else all in it that the command had not written."""
+    def after(self, well: bool, held: Mapping[Path, bytes]) -> None:
+        """Files as they were before where the command did not end well; else all that it left of the folder."""
+        if not well and not self.replaces:
+            for path in (self.project.folder / path for path in self.outputs):
+                if path in held:
+                    path.write_bytes(held[path])
+                elif path.is_file():  # which a command ended in its last moment had written
+                    path.unlink()
         aside, folder = self._aside(), self.project.folder / self.replaces
         if not self.replaces or not aside.is_dir():
             return

@@ -54,7 +54,8 @@ def test_plans_are_not_bounded_beyond_the_lane(model: BayesianModel, info: Traje
     narrow = dataclasses.replace(CONFIG, max_slip=0.1)
     free = plan_drive(model, model.prior(), narrow, narrow.alpha)
     np.testing.assert_array_equal(free.x, info.x)
-    bounded = plan_drive(model, model.prior(), dataclasses.replace(narrow, bounded=True), narrow.alpha)
+    held = dataclasses.replace(narrow, bounded=True, qp="stagewise")  # OSQP does not bring it to convergence
+    bounded = plan_drive(model, model.prior(), held, narrow.alpha)
     assert np.abs(bounded.x[:, 3] - bounded.x[:, 1]).max() < np.abs(free.x[:, 3] - free.x[:, 1]).max()
 
 

@@ -38,8 +38,8 @@ from drift_drake.drive.learnt.posterior import Posterior
 from drift_drake.drive.learnt.quality import learn
 from drift_drake.drive.learnt.samples import Samples, samples_from_log
 from drift_drake.drive.loop.closed_loop import ControlConfig
-from drift_drake.drive.manoeuvres.vehicles import Population
 from drift_drake.drive.mpc.ocp import OcpWeights
+from experiments.benchmarks.vehicles import Population
 from experiments.drifting.errors import ROLLOUT_STEPS, drifting_errors
 from experiments.drifting.report import summarise
 from experiments.drifting.runs import (

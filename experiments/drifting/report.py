@@ -11,10 +11,10 @@ import pandas as pd
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.common.safe_files import write_figure
 from drift_drake.drive.reference.trajectory import Reference
-from drift_drake.view.pictures.overhead import OverheadPanel, overhead_panels
 from drift_drake.view.pictures.time_series import time_series
 from experiments.benchmarks.intervals import by_vehicle, share_by_vehicle
 from experiments.drifting.runs import run_name
+from experiments.pictures.overhead_panels import OverheadPanel, overhead_panels
 
 LABELS = {
     "nominal": "nominal car",

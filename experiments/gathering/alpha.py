@@ -21,12 +21,13 @@ from diagrams.command import run_command
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.common.executors import ExecutorConfig, run_jobs
 from drift_drake.common.run_folder import is_done, make_run_folder, write_json, write_versions
-from drift_drake.drive.gathering.config import GatheringConfig, as_in_paper
+from drift_drake.drive.gathering.config import GatheringConfig
 from drift_drake.drive.gathering.gather import taught
 from drift_drake.drive.gathering.plan import InfeasiblePlanError, Trajectory, plan_again, plan_drive
 from drift_drake.drive.learnt.checkpoint import BayesianModel, load_model, paper_checkpoint
 from drift_drake.drive.learnt.posterior import covariance_norms
-from drift_drake.drive.manoeuvres.vehicles import Population, draw_effects
+from experiments.benchmarks.vehicles import Population, draw_effects
+from experiments.gathering.recipe import as_in_paper
 from experiments.made import write_report
 from experiments.settings import keep_settings
 

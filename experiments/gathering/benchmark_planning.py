@@ -24,8 +24,8 @@ from drift_drake.drive.gathering.config import GatheringConfig
 from drift_drake.drive.gathering.gather import gather, learn_drive, plan_rest
 from drift_drake.drive.gathering.plan import Trajectory, plan_again, plan_drive
 from drift_drake.drive.learnt.checkpoint import load_model
-from drift_drake.drive.manoeuvres.vehicles import draw_effects
 from drift_drake.drive.mpc.sqp import LineSearchSqp
+from experiments.benchmarks.vehicles import draw_effects
 from experiments.made import write_benchmark
 
 PLANS = ("OCP", "Info-OCP, first", "Info-OCP, later", "Info-OCP, replanned")

@@ -24,7 +24,7 @@ from drift_drake.cli.train import Train, run_train
 from drift_drake.common.executors import ExecutorConfig
 from drift_drake.common.run_folder import write_json
 from drift_drake.drive.learnt.checkpoint import load_model, paper_checkpoint
-from drift_drake.drive.learnt.quality import judge_stepper, quality_by_points, split_vehicle
+from drift_drake.drive.learnt.quality import split_vehicle
 from drift_drake.drive.learnt.samples import load_samples
 from drift_drake.drive.learnt.training_config import Recipe, TrainingConfig, with_recipe
 from experiments.benchmarks.intervals import bootstrap
@@ -32,6 +32,7 @@ from experiments.gathering import lane_drives
 from experiments.made import write_report
 from experiments.model import drives
 from experiments.model.build import UNLIMITED, Stage, do_stages
+from experiments.model.judging import judge_stepper, quality_by_points
 
 POINTS, STEPS = (0, 100), 20  # samples adapted to; steps of 0.1 s of a rollout
 STEPS_OF_AN_EPOCH = 12  # gradient steps of the paper's recipe on 35 vehicles

@@ -26,21 +26,17 @@ from drift_drake.common.run_folder import make_run_folder, write_json, write_ver
 from drift_drake.common.safe_files import write_figure
 from drift_drake.drive.learnt.checkpoint import BayesianModel, load_model
 from drift_drake.drive.learnt.posterior import covariance_norms
-from drift_drake.drive.learnt.quality import (
+from drift_drake.drive.learnt.quality import Split, adapted, split_vehicle, standardized_errors, step_model
+from drift_drake.drive.learnt.samples import concatenate, load_samples
+from experiments.benchmarks.vehicles import Population, draw_effects
+from experiments.made import write_report
+from experiments.model.judging import (
     GAUSSIAN_COVERAGE,
-    Split,
-    adapted,
     judge_stepper,
     quality_by_points,
     rollout_errors,
     rollout_summary,
-    split_vehicle,
-    standardized_errors,
-    step_model,
 )
-from drift_drake.drive.learnt.samples import concatenate, load_samples
-from drift_drake.drive.manoeuvres.vehicles import Population, draw_effects
-from experiments.made import write_report
 from experiments.model.uncertainties import draw_uncertainties
 
 POINTS = (0, 1, 2, 5, 10, 20, 50, 100)

@@ -33,7 +33,6 @@ from drift_drake.drive.learnt.lag_bank import BANK
 from drift_drake.drive.learnt.quality import step_model
 from drift_drake.drive.loop.closed_loop import ClosedLoop
 from drift_drake.drive.loop.faults import Change, Fault
-from drift_drake.drive.loop.true_plant import plant_of
 from drift_drake.drive.reference.trajectory import Reference, figure_8
 from drift_drake.gap.monitoring.baseline_scores import with_baseline_scores
 from drift_drake.gap.monitoring.in_loop import CORRECTING, GapWatch, Policy, events_of
@@ -41,6 +40,7 @@ from drift_drake.gap.monitoring.monitor import Monitor, make_monitor
 from drift_drake.gap.monitoring.watch import WATCHED
 from experiments.benchmarks.intervals import binomial
 from experiments.made import write_report
+from experiments.other_worlds.true_cars import true_plant
 
 Mode = Literal["off", "watch", "correct", "slow", "correct_or_slow", "online", "online_forget"]
 POLICIES: dict[Mode, Policy] = {
@@ -118,7 +118,7 @@ def closed_loop(
         model, adapter = step_model(learnt, learnt.prior()), BayesianAdapter(learnt, lags=BANK)
     effects, car = Effects(aero_drag=1e-9), None
     if plant == "double_track":
-        effects, car = Effects(), plant_of(plant, Effects(), reference(plant).path)
+        effects, car = Effects(), true_plant(plant, Effects(), reference(plant).path)
     return ClosedLoop(vehicle, reference(plant), model, effects, faults=faults, plant=car, adapter=adapter,
                       watch=None if monitor is None else GapWatch(monitor, policy))  # fmt: skip
 

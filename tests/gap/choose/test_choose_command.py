@@ -19,9 +19,9 @@ from drift_drake.drive.gathering.config import GatheringConfig
 from drift_drake.drive.gathering.gather import gather
 from drift_drake.drive.gathering.plan import plan_drive
 from drift_drake.drive.learnt.checkpoint import BayesianModel
-from drift_drake.drive.manoeuvres.vehicles import draw_effects
 from drift_drake.gap.choose.choice import Choice, Findings
 from drift_drake.gap.choose.identified import IdentifiedCar
+from experiments.benchmarks.vehicles import draw_effects
 
 
 @pytest.fixture(scope="module")

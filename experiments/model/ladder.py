@@ -29,7 +29,7 @@ from drift_drake.drive.learnt.samples import load_samples
 from drift_drake.drive.learnt.training_config import Recipe, TrainingConfig, with_recipe
 from experiments.benchmarks.intervals import bootstrap
 from experiments.gathering import lane_drives
-from experiments.made import write_report
+from experiments.made import tabulated, write_report
 from experiments.model import drives
 from experiments.model.build import UNLIMITED, Stage, do_stages
 from experiments.model.judging import judge_stepper, quality_by_points
@@ -126,16 +126,16 @@ def markdown(result: dict[str, Any]) -> str:
     """Each model's errors over the nominal car's, and after the last number of samples over those of the one before."""
     heads = [f"{what}, {count}" for what in ("one step", "2 s", "within 3 s.d.") for count in POINTS]
     heads += ["one step, over the one before", "2 s, over the one before"]
-    lines = [f"| | {' | '.join(heads)} |", "| --- " * (1 + len(heads)) + "|"]
+    rows = []
     errors, before = ("one_step", "two_seconds"), None
     for name, what in WHAT.items():
         found, last = result[name], result[name][str(max(POINTS))]
         cells = [relative(found[str(count)], result["nominal"], error) for error in errors for count in POINTS]
         cells += [f"{100.0 * np.mean(found[str(count)]['within']):.1f} %" for count in POINTS]
         cells += ["" if before is None else relative(last, before, error) for error in errors]
-        lines.append(f"| {what} | {' | '.join(cells)} |")
+        rows.append((what, *cells))
         before = last
-    return "\n".join(lines)
+    return "\n".join(tabulated(("", *heads), rows))
 
 
 def main(config: LadderConfig) -> None:

@@ -35,7 +35,7 @@ from drift_drake.drive.reference.trajectory import Reference, figure_8
 from drift_drake.view.style import RUNS, new_figure, save, styled
 from experiments.benchmarks.intervals import binomial
 from experiments.benchmarks.vehicles import draw_effects
-from experiments.made import write_report
+from experiments.made import tabulated, write_report
 from experiments.settings import keep_settings
 
 FAULTS = {  # begins after one second, in a drift
@@ -172,10 +172,7 @@ def shares(runs: pd.DataFrame) -> pd.DataFrame:
 
 def table(found: pd.DataFrame) -> str:
     """The shares as Markdown."""
-    lines = [
-        "| fault | loops | stays on its lane, guarded (of these stopped) | not guarded |",
-        "| --- | --- | --- | --- |",
-    ]
+    rows = []
     for fault in [name for name in FAULTS if name in set(found["fault"])]:
         cells = []
         of = found[found["fault"] == fault]
@@ -187,8 +184,9 @@ def table(found: pd.DataFrame) -> str:
             g = group.iloc[0]
             stopped = f" ({g['stopped']})" if guarded else ""
             cells.append(f"{g['stayed']} of {g['loops']}{stopped}")
-        lines.append(f"| {fault} | {int(of['loops'].sum())} | {cells[0]} | {cells[1]} |")
-    return "\n".join(lines)
+        rows.append((fault, int(of["loops"].sum()), *cells))
+    heads = ("fault", "loops", "stays on its lane, guarded (of these stopped)", "not guarded")
+    return "\n".join(tabulated(heads, rows))
 
 
 @styled

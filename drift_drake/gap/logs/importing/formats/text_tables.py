@@ -31,7 +31,7 @@ def read_csv(path: Path) -> list[Topic]:
     """The table of a text file; ValueError or OSError where it is none."""
     magic = packing(path)
     packed = PACKINGS.get(magic)
-    with STREAMS.get(magic, partial(open, mode="rb"))(path) as stream:
+    with STREAMS[magic](path) if magic else path.open("rb") as stream:
         head = stream.read(HEAD + 1)
     layout = layout_of(head[:HEAD], len(head) <= HEAD)
     if not layout.plain:

@@ -37,7 +37,8 @@ from drift_drake.drive.learnt.quality import step_model
 from drift_drake.drive.loop.closed_loop import ClosedLoop, ControlConfig
 from drift_drake.drive.loop.faults import Change
 from drift_drake.drive.loop.metrics import before_spin
-from drift_drake.view.style import BOUND, INK, new_figure, styled
+from drift_drake.view.colours import INK
+from drift_drake.view.style import BOUND, new_figure, styled
 from experiments.benchmarks.intervals import binomial
 from experiments.benchmarks.vehicles import Population, draw_effects
 from experiments.drifting.runs import DriftConfig, open_folder, reference

@@ -27,7 +27,8 @@ from drift_drake.common.run_folder import make_run_folder, write_json, write_ver
 from drift_drake.common.safe_files import write_figure
 from drift_drake.drive.learnt.checkpoint import BayesianModel, load_model
 from drift_drake.gap.choose.choice import REFUSED, SURPRISED, Choice, Familiar, Findings, familiar_from, keep_usual
-from drift_drake.view.style import BOUND, INK, RUNS, new_figure, styled
+from drift_drake.view.colours import INK, RUNS
+from drift_drake.view.style import BOUND, new_figure, styled
 from experiments.benchmarks.vehicles import EXTREME, Population, draw_effects
 from experiments.gathering.beliefs import gather_all
 from experiments.gathering.recipe import Recipe

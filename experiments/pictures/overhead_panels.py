@@ -10,16 +10,10 @@ from matplotlib.lines import Line2D
 
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.drive.reference.trajectory import Reference
+from drift_drake.view.colours import INK, REFERENCE, RUNS
 from drift_drake.view.pictures.car_shape import CarShape
 from drift_drake.view.pictures.overhead import draw_cars, draw_reference, extent
-from drift_drake.view.style import (
-    BOUND,
-    INK,
-    REFERENCE,
-    RUNS,
-    new_figure,
-    styled,
-)
+from drift_drake.view.style import BOUND, new_figure, styled
 
 ENDS = {"spin": "x", "left the lane": "s", "time is up": "o"}  # outcome and its marker
 

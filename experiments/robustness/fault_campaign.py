@@ -32,7 +32,8 @@ from drift_drake.drive.learnt.quality import step_model
 from drift_drake.drive.loop.closed_loop import ClosedLoop, ControlConfig
 from drift_drake.drive.loop.faults import parse_fault
 from drift_drake.drive.reference.trajectory import Reference, figure_8
-from drift_drake.view.style import RUNS, new_figure, save, styled
+from drift_drake.view.colours import RUNS
+from drift_drake.view.style import new_figure, save, styled
 from experiments.benchmarks.intervals import binomial
 from experiments.benchmarks.vehicles import draw_effects
 from experiments.made import tabulated, write_report

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from matplotlib.colors import to_rgb
 
-from drift_drake.view.style import RUNS
+from drift_drake.view.colours import RUNS
 from experiments.pictures.rendered import looking_at, still
 
 OPENGL = any(ctypes.util.find_library(name) for name in ("EGL", "GL"))

@@ -16,12 +16,15 @@ import tyro
 
 from diagrams.command import run_command
 from drift_drake.car.effects.magnitudes import Effects, make_effects
+from drift_drake.car.given_vehicle import GivenVehicle
 from drift_drake.car.log.table import write_run
 from drift_drake.car.parameters import VehicleParameters
-from drift_drake.cli.fleet import day_folders, lines
+from drift_drake.cli.fleet import day_folders
 from drift_drake.common.executors import ExecutorConfig
 from drift_drake.common.run_folder import is_done, write_json
-from drift_drake.gap.monitoring.fleet import FleetFindings, days_of, evidence_problem_of, fleet_findings, shared_columns
+from drift_drake.gap.monitoring.fleet import FleetFindings, fleet_findings
+from drift_drake.gap.monitoring.fleet_days import Judge, days_of, shared_columns
+from drift_drake.gap.monitoring.fleet_page import lines
 from experiments.benchmarks.truths import drawn_deviations
 from experiments.monitoring.drives import changed_drive
 
@@ -52,10 +55,9 @@ def main(config: Config) -> None:
     if not is_done(config.out / "truth.json"):
         write_fleet(config)
     truth = json.loads((config.out / "truth.json").read_text())
-    folders, vehicle, own = day_folders(config.out), VehicleParameters(), Effects()
-    used = shared_columns(folders)
-    days = days_of(folders, vehicle, own, used, config.executor)
-    found = fleet_findings(evidence_problem_of(vehicle, own, used), days)
+    folders = day_folders(config.out)
+    judge = Judge(GivenVehicle(VehicleParameters(), Effects()), shared_columns(folders))
+    found = fleet_findings(judge.problem(), days_of(folders, judge, config.executor))
     write_json(config.out / "found.json", found)
     print("\n".join([*lines(found), verdict(found, truth)]))
 

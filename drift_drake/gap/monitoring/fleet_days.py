@@ -13,6 +13,7 @@ from drift_drake.common.executors import ExecutorConfig, results_of
 from drift_drake.gap.estimation.windows import run_errors
 from drift_drake.gap.monitoring.baseline_scores import block_sums
 from drift_drake.gap.monitoring.baselines import Baseline, OfPrediction, calibrated_watcher
+from drift_drake.gap.monitoring.events import Watcher
 from drift_drake.gap.monitoring.evidence import EvidenceProblem, no_sums, whitened
 from drift_drake.gap.monitoring.history import of_parts
 from drift_drake.gap.monitoring.monitor import Monitor, make_monitor
@@ -48,7 +49,7 @@ class Judge(NamedTuple):
             return window_monitor(*self.baseline, self.given.parameters, self.given.effects).problem
         return make_monitor(self.given.parameters.single_track(), self.given.effects, self.used).problem
 
-    def monitor(self, run: Run) -> Monitor | WindowMonitor:
+    def monitor(self, run: Run) -> Watcher:
         """What judges a run, at its own rate and with its own noise."""
         if self.baseline is not None:
             return calibrated_watcher(self.baseline, run, self.given)
@@ -78,13 +79,13 @@ def day_scores(folder: Path, judge: Judge) -> tuple[np.ndarray, np.ndarray]:
     if isinstance(monitor, WindowMonitor):
         windows = [one for by, run in runs if isinstance(by, WindowMonitor) for one in known_sums(by, run)]
         if windows:
-            total = of_parts(*windows, by=lambda *parts: np.sum(parts, axis=0))
-            return whitened_after(monitor.null, (monitor.null.mean, monitor.null.covariance), total)
+            known = monitor.null.mean, monitor.null.covariance
+            return whitened_after(monitor.null, known, of_parts(*windows, by=lambda *parts: np.sum(parts, axis=0)))
     else:
         blocks = [block for by, run in runs if isinstance(by, Monitor) for block in block_sums(by, run)]
         if blocks:
-            total = of_parts(*blocks, by=lambda *parts: np.sum(parts, axis=0)[None])
-            w, m = whitened(monitor.problem, total, no_sums(len(monitor.problem.nodes), 1))
+            sums = of_parts(*blocks, by=lambda *parts: np.sum(parts, axis=0)[None])
+            w, m = whitened(monitor.problem, sums, no_sums(len(monitor.problem.nodes), 1))
             return w[0], m[0]
     return np.zeros(0), np.zeros((0, len(monitor.problem.nodes)))
 

@@ -20,7 +20,7 @@ WIDTHS = (0.003, 0.03, 0.1, 0.3, 1.0)  # of cars, cars' drifts, days and rest, o
 class Parts(NamedTuple):
     """Of one effect's magnitude, each beyond those before it; drifts from the first day to the last."""
 
-    common: Interval | None  # of all cars, midway; None where there is but one car: it cannot be told from its own
+    common: Interval | None  # of all cars, midway; None of one car, whose own it may be
     drift: Interval | None  # that all cars share; None of one car or one day
     cars: dict[str, Interval]  # a car's own, midway
     drifts: dict[str, Interval]  # a car's own
@@ -43,7 +43,8 @@ def parts_of(
     x = np.column_stack([np.ones(len(y)), time, of_car, of_car * time[:, None], of_day])
     alone = len(set(at)) < 2
     sizes = (1, 1, len(cars), len(cars), len(days))
-    known = (alone, alone or len(days) < 2, False, len(days) < 2, alone or len(days) < 2)  # to be zero: not to be told
+    # Known to be zero: nothing shows it.
+    known = (alone, alone or len(days) < 2, False, len(days) < 2, alone or len(days) < 2)
     kept = np.repeat([not zero for zero in known], sizes)
     found, spread = _posterior(x[:, kept], y, v, [n for n, zero in zip(sizes, known, strict=True) if not zero],
                                shared=0 if alone else 2 - known[1])  # fmt: skip

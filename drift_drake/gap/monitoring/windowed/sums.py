@@ -11,12 +11,13 @@ import numpy as np
 from drift_drake.car.effects.magnitudes import Effects
 from drift_drake.car.equations import CarConstants
 from drift_drake.gap.estimation.normal import Normal
-from drift_drake.gap.estimation.scores import huber_weights, scaled
+from drift_drake.gap.estimation.scores import LARGEST, huber_weights
 from drift_drake.gap.estimation.unknowns import added
 from drift_drake.gap.estimation.windows import WindowedRun, regimes, run_errors
 from drift_drake.gap.monitoring.bank import Node
 
 FEATURES = ("speed", "lateral acceleration", "sideslip", "slip of the driven wheels", "least torque", "most torque")
+LOST = 100.0  # robust scales, from which on a prediction is lost
 SLIP = 3
 SLIGHT_SLIP = 0.03  # [-] of slip along the wheels, below which more of it is no other driving
 
@@ -70,11 +71,12 @@ def sums_of(projection: Projection, window: WindowedRun, e: np.ndarray, slipping
     p, precision = projection, projection.precision
 
     def moved(name: str, magnitude: float) -> np.ndarray:
-        return scaled(p.errors_with(window, name, magnitude) - e, p.scales)[0]
+        return np.clip((p.errors_with(window, name, magnitude) - e) / p.scales, -LOST, LOST).reshape(-1)
 
     there = [moved(node.name, node.magnitude) for node in p.nodes]
     jacobian = np.stack([
-        unit / p.nodes[at[0]].magnitude * there[at[0]] if len(at) == 1 else moved(name, float(unit))
+        np.clip(unit / p.nodes[at[0]].magnitude * there[at[0]] if len(at) == 1 else moved(name, float(unit)),
+                -LARGEST, LARGEST)
         for name, unit, at in zip(p.names, p.units, p.nodes_of, strict=True)
     ], axis=-1)  # fmt: skip
     weights = np.broadcast_to(huber_weights(e, p.scales), e.shape).reshape(-1)

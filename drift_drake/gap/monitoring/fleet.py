@@ -151,7 +151,7 @@ def _tempered(problem: EvidenceProblem, raw: _Stack, shared: Sequence[_Choice]) 
 
 
 def _groups(days: Sequence[FleetDay]) -> list[tuple[Level, str, np.ndarray]]:
-    """Shares [days] that a term may have in each day: a drift's go from -0.5 on the first to 0.5 on the last."""
+    """Shares [days] that a term may have in each day: a drift's go from 0 on the first to 1 on the last."""
     cars, names = np.array([day.car for day in days]), np.array([day.name for day in days])
     ordered = sorted(set(names.tolist()))
     out: list[tuple[Level, str, np.ndarray]] = []
@@ -159,7 +159,7 @@ def _groups(days: Sequence[FleetDay]) -> list[tuple[Level, str, np.ndarray]]:
         out.append(("fleet", "", np.ones(len(days))))
         together = [name for name in ordered if len(set(cars[names == name])) > 1]
         if len(together) > 1:
-            out.append(("drift", "", np.searchsorted(ordered, names) / (len(ordered) - 1.0) - 0.5))
+            out.append(("drift", "", np.searchsorted(ordered, names) / (len(ordered) - 1.0)))
             out += [("date", name, 1.0 * (names == name)) for name in together]
     out += [("car", car, 1.0 * (cars == car)) for car in dict.fromkeys(cars.tolist())]
     for i, day in enumerate(days):

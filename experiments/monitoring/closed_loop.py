@@ -24,9 +24,10 @@ import tyro
 from diagrams.command import run_command
 from drift_drake.car.effects.magnitudes import Effects, make_effects
 from drift_drake.car.given_vehicle import vehicle_given
+from drift_drake.car.internal_states import on_the_motion
 from drift_drake.car.log.table import Run, make_run
 from drift_drake.car.parameters import VehicleParameters
-from drift_drake.car.single_track.effects_step import EffectsStepModel, on_the_motion
+from drift_drake.car.single_track.effects_step import EffectsStepModel
 from drift_drake.car.step_model import NominalStepModel, StepModel
 from drift_drake.car.vehicle_file import write_vehicle
 from drift_drake.common.executors import ExecutorConfig, run_jobs
@@ -37,7 +38,6 @@ from drift_drake.drive.learnt.lag_bank import BANK
 from drift_drake.drive.learnt.quality import step_model
 from drift_drake.drive.loop.closed_loop import ClosedLoop
 from drift_drake.drive.loop.faults import Change, Fault
-from drift_drake.drive.loop.true_plant import TruePlant, double_track_of, plant_of
 from drift_drake.drive.reference.trajectory import Reference, figure_8
 from drift_drake.gap.identification.from_logs import identify
 from drift_drake.gap.monitoring.baseline_scores import with_baseline_scores
@@ -47,7 +47,8 @@ from drift_drake.gap.monitoring.in_loop import CORRECTING, GapWatch, Policy, eve
 from drift_drake.gap.monitoring.monitor import make_monitor
 from drift_drake.gap.monitoring.watch import WATCHED
 from experiments.benchmarks.intervals import binomial
-from experiments.made import write_report
+from experiments.made import tabulated, write_report
+from experiments.other_worlds.true_cars import OwnCar, double_track_of, true_plant
 
 Mode = Literal["off", "watch", "correct", "slow", "correct_or_slow", "online", "online_forget"]
 MODES: tuple[Mode, ...] = get_args(Mode)
@@ -78,7 +79,7 @@ NORMAL_SEEDS = (900, 901, 902)  # of the double-track car's normal drives, which
 class Job:
     """One drive."""
 
-    plant: TruePlant
+    plant: OwnCar
     change: str
     mode: Mode
     seed: int
@@ -97,7 +98,7 @@ class Config:
     first: int = 0
     """The first seed."""
     seeds: int = 2
-    plants: tuple[TruePlant, ...] = ("single_track", "double_track")
+    plants: tuple[OwnCar, ...] = ("single_track", "double_track")
     calibrated: bool = False
     """The car is calibrated by prediction on normal drives, and watched by windows."""
     changes: tuple[str, ...] = tuple(CHANGES)
@@ -113,20 +114,20 @@ class Believed(NamedTuple):
     monitor: Watcher
 
 
-def simulator(plant: TruePlant) -> VehicleParameters:
+def simulator(plant: OwnCar) -> VehicleParameters:
     """The single-track car that is nearest to a plant."""
     car = double_track_of(plant)
     return VehicleParameters() if car is None else car.single_track()
 
 
 @cache
-def reference(plant: TruePlant) -> Reference:
+def reference(plant: OwnCar) -> Reference:
     """What is driven."""
     return figure_8(simulator(plant), laps=LAPS)
 
 
 def closed_loop(
-    plant: TruePlant, faults: Sequence[Fault] = (), believed: Believed | None = None, policy: Policy | None = None,
+    plant: OwnCar, faults: Sequence[Fault] = (), believed: Believed | None = None, policy: Policy | None = None,
     online: bool = False,
 ) -> ClosedLoop:  # fmt: skip
     """The loop of a plant; the true car may change. Without a policy it is not watched."""
@@ -139,13 +140,13 @@ def closed_loop(
         model, adapter = step_model(learnt, learnt.prior()), BayesianAdapter(learnt, lags=BANK)
     effects, car = Effects(aero_drag=1e-9), None
     if plant != "single_track":
-        effects, car = Effects(), plant_of(plant, Effects(), reference(plant).path)
+        effects, car = Effects(), true_plant(plant, Effects(), reference(plant).path)
     watch = GapWatch(believed.monitor, policy) if believed and policy else None
     return ClosedLoop(vehicle, reference(plant), model, effects, faults=faults, plant=car, adapter=adapter, watch=watch)
 
 
 @cache
-def believed_of(plant: TruePlant, calibration: Path | None) -> Believed:
+def believed_of(plant: OwnCar, calibration: Path | None) -> Believed:
     """The simulator's car, watched by a bank of filters (of a double-track car one that has learnt its normal drives);
     or the calibrated car, watched by windows."""
     if calibration is not None:
@@ -158,13 +159,13 @@ def believed_of(plant: TruePlant, calibration: Path | None) -> Believed:
     return Believed(simulator(plant), Effects(), filters)
 
 
-def normal_drives(plant: TruePlant, seeds: Sequence[int] = NORMAL_SEEDS) -> list[Run]:
+def normal_drives(plant: OwnCar, seeds: Sequence[int] = NORMAL_SEEDS) -> list[Run]:
     """Drives of a plant under the controller that believes the simulator's car."""
     loop = closed_loop(plant)
     return [as_log(loop.run(loop.initial_context(seed)).table) for seed in seeds]
 
 
-def calibrate(plant: TruePlant, folder: Path) -> None:
+def calibrate(plant: OwnCar, folder: Path) -> None:
     """Writes the calibrated car of a plant, if it is not there."""
     if not is_done(folder / f"{plant}.json"):
         found = identify(normal_drives(plant), simulator(plant), case=plant, criterion="prediction", car="single-track")
@@ -209,31 +210,28 @@ def disturbances(name: str, effects: Effects, onset: float) -> tuple[list[Fault]
 
 def table(results: Sequence[dict[str, Any]]) -> str:
     """What became of each kind of change, as a Markdown table; errors: median (quartiles) of completed drives."""
-    lines = [
-        "| plant | change | monitor | completed | 95 % | RMS e [m] | driven slowly | reported after [s] | named |",
-        "| --- " * 9 + "|",
-    ]
+    heads = ("plant", "change", "monitor", "completed", "95 %", "RMS e [m]", "driven slowly", "reported after [s]",
+             "named")  # fmt: skip
+    rows = []
     keys = dict.fromkeys((r["plant"], r["change"], r["mode"]) for r in results)
     for key in sorted(keys, key=lambda k: (k[0] != "single_track", list(CHANGES).index(k[1]), MODES.index(k[2]))):
         some = [r for r in results if (r["plant"], r["change"], r["mode"]) == key]
-        lines.append(f"| {' | '.join(key)} | {row(some)} |")
-    return "\n".join(lines)
+        rows.append((*key, *row(some)))
+    return "\n".join(tabulated(heads, rows))
 
 
-def row(some: Sequence[dict[str, Any]]) -> str:
+def row(some: Sequence[dict[str, Any]]) -> list[str]:
     """The table's cells of drives of one kind."""
     completed = [r for r in some if r["metrics"]["outcome"] == "completed"]
     _, low, high = binomial(len(completed), len(some), "wilson")
     e = np.percentile([r["metrics"]["rms_e"] for r in completed], [50, 25, 75]) if completed else [np.nan] * 3
     cells = [f"{len(completed)} of {len(some)}", f"{low:.2f} to {high:.2f}", f"{e[0]:.2f} ({e[1]:.2f} to {e[2]:.2f})"]
     if some[0]["mode"] in ("off", "online"):
-        return " | ".join([*cells, "-", "-", "-"])
+        return [*cells, "-", "-", "-"]
     delays = [next((e["t"] for e in r["events"] if e["t"] > r["onset"]), np.inf) - r["onset"] for r in some]
     right = sum(any(e.get("cause") in CHANGES[r["change"]] for e in r["events"]) for r in some)
     slow = np.median([r["slow"] for r in some])
-    return " | ".join(
-        [*cells, f"{slow:.0%}", f"{np.median(delays):.1f}".replace("inf", "-"), f"{right} of {len(some)}"]
-    )
+    return [*cells, f"{slow:.0%}", f"{np.median(delays):.1f}".replace("inf", "-"), f"{right} of {len(some)}"]
 
 
 def pairs(results: Sequence[dict[str, Any]]) -> str:

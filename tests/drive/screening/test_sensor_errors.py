@@ -5,9 +5,9 @@ import dataclasses
 import numpy as np
 
 from drift_drake.car.effects.magnitudes import Effects, make_effects, measured
+from drift_drake.car.internal_states import on_the_motion
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.car.sensor_errors import SensorCorrection, corrected_reading, sensor_errors
-from drift_drake.car.single_track.effects_step import on_the_motion
 from drift_drake.car.step_model import NominalStepModel
 from drift_drake.drive.loop.closed_loop import ClosedLoop, ControlConfig
 from drift_drake.drive.reference.trajectory import figure_8

@@ -133,7 +133,9 @@ def closed_loop(
     """The loop of a plant; the true car may change. Without a policy it is not watched."""
     vehicle, own = (believed.vehicle, believed.effects) if believed else (simulator(plant), Effects())
     plain = policy not in CORRECTING and own == Effects()
-    model: StepModel = NominalStepModel(vehicle) if plain else EffectsStepModel(vehicle, on_the_motion(own))
+    model: StepModel = (
+        NominalStepModel(vehicle) if plain else EffectsStepModel(vehicle, on_the_motion(own), exact=False)
+    )
     adapter = None
     if online:
         learnt = load_model()

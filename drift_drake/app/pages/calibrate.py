@@ -6,7 +6,7 @@ from typing import Any, get_args
 from drift_drake.app import stages
 from drift_drake.app.jobs import Jobs
 from drift_drake.app.looks import predicted
-from drift_drake.app.pages.figures import MEASURED, RUNS, Chart
+from drift_drake.app.pages.figures import Chart
 from drift_drake.app.pages.parts import (
     box,
     button,
@@ -91,7 +91,7 @@ async def _predict(project: Project, path: str, data: dict[str, Any], place: Any
     found = await quietly(_predicted, project.folder / path, *cars)
     place.clear()
     with place:
-        draw_predictions(found, path, {"nominal": "first guess", "corrected": "calibrated"})
+        draw_predictions(found, path)
 
 
 def _predicted(log: Any, vehicle: Any, corrected: Any) -> Any:
@@ -101,15 +101,11 @@ def _predicted(log: Any, vehicle: Any, corrected: Any) -> Any:
         return str(error)
 
 
-def draw_predictions(found: Any, path: str, names: dict[str, str]) -> None:
+def draw_predictions(found: Any, path: str) -> None:
     """A run as measured and as two cars predict it, or why there is none."""
     if isinstance(found, str):
         text("p", found, "refusal", role="alert")
         return
-    names = {"real": "measured", **names}
-    colours = {"real": MEASURED, "nominal": RUNS[1], "corrected": RUNS[0]}
     text("h3", path)
-    panels = [(f"{state} [{unit}]", [(names[car], *series, colours[car]) for car, series in cars.items()])
-              for state, (unit, cars) in found.states.items()]  # fmt: skip
-    Chart(panels, f"{path}: measured and predicted")
-    text("pre", found.sentence.replace("nominal", names["nominal"]).replace("corrected", names["corrected"]))
+    Chart(found.panels, f"{path}: measured and predicted")
+    text("pre", found.sentence)

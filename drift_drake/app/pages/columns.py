@@ -11,7 +11,7 @@ from nicegui import ui
 from drift_drake.app import stages
 from drift_drake.app.jobs import Jobs
 from drift_drake.app.mapping_edits import edit, first_mapping, look_command, merge, set_global
-from drift_drake.app.pages.figures import MEASURED, RUNS, Chart
+from drift_drake.app.pages.figures import Chart
 from drift_drake.app.pages.frame import own_edit, typing
 from drift_drake.app.pages.parts import (
     box,
@@ -261,17 +261,18 @@ def _said(one: Any) -> str:
 def _previewed(readings: Recordings, name: str, mapping: dict[str, Any]) -> Any:
     from drift_drake.gap.logs.importing.importer import PERIOD
     from drift_drake.gap.logs.importing.preview import preview
-    from drift_drake.gap.logs.screening.overlays import overlays
+    from drift_drake.gap.logs.screening.overlays import overlays, panels_of
 
     try:
         found = preview(Path(name), readings.topics(name), mapping, end=LOOKED_AT)
         length = mapping.get("wheelbase")
-        return found, overlays(found.pieces, PERIOD, length if isinstance(length, int | float) else None)
+        compared = overlays(found.pieces, PERIOD, length if isinstance(length, int | float) else None)
+        return found, compared, panels_of(compared)
     except DriftDrakeError as error:
         return str(error)
 
 
-def _remarks(view: _View, before: dict[str, Any], found: Any, overlays: list[Any]) -> None:
+def _remarks(view: _View, before: dict[str, Any], found: Any, compared: list[Any], panels: list[Any]) -> None:
     if found.refused:
         with box("div", "refusal", role="alert"):
             text("p", f"The import would be refused: {found.refused.sentence}")
@@ -286,11 +287,11 @@ def _remarks(view: _View, before: dict[str, Any], found: Any, overlays: list[Any
         text("p", f"No other column can check {', '.join(found.unchecked)}.", "note")
     for sentence in found.undecided:
         text("p", sentence, "note")
-    for one in overlays:
-        text("h3", f"{one.column} against {one.against}")
-        text("p", f"correlation {one.likeness:.3f}, gain {significant(one.gain, 3)}", "note")
-        lines = [(one.column, one.t, one.measured, MEASURED), (one.against, one.t, one.expected, RUNS[1])]
-        Chart([(f"{one.column} [{one.unit}]", lines)], f"{one.column} against {one.against}", 150)
+    for one in compared:
+        said = f"correlation {one.likeness:.3f}, gain {significant(one.gain, 3)}"
+        text("p", f"{one.column} against {one.against}: {said}", "note")
+    if panels:
+        Chart(panels, "Columns against what others say of them")
 
 
 def _offered(view: _View, before: dict[str, Any], remark: Any) -> None:

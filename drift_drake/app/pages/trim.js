@@ -9,7 +9,7 @@
     const drop = e => {
       removeEventListener("pointermove", move);
       const at = Number(line.dataset.start) + share(e) * Number(line.dataset.length);
-      line.dispatchEvent(new CustomEvent("trim", { detail: { key: handle.dataset.key, at } }));
+      line.dispatchEvent(new CustomEvent("trim", { bubbles: true, detail: { key: handle.dataset.key, at } }));
     };
     addEventListener("pointermove", move);
     addEventListener("pointerup", drop, { once: true });

@@ -7,6 +7,8 @@ import numpy as np
 
 from drift_drake.common.arrays import Array
 from drift_drake.gap.logs.screening.kinematics import Columns, Kinematics, motion_of_columns
+from drift_drake.view.colours import RUNS
+from drift_drake.view.pages.charts import Line, Panel
 
 LIVELIEST = 0.1  # [rad/s] yaw rate from which the steering ratio can be read off
 GENTLE = 3.0  # [m/s^2] of v r up to which a car goes where it steers
@@ -49,6 +51,17 @@ def overlays(runs: Sequence[Columns], period: float, wheelbase: float | None = N
         for column, against, unit, measured, expected in _pairs(m, wheelbase)
     ]
     return [clean for one in found if (clean := _there(one)) is not None]
+
+
+def panels_of(found: Sequence[Overlay]) -> list[Panel]:
+    """A panel a column: as it was measured, and what others say."""
+    return [
+        Panel(
+            f"{one.column} [{one.unit}] against {one.against.split(',')[0]}",
+            [Line("measured", one.t, one.measured), Line("by other columns", one.t, one.expected, RUNS[1])], 110,
+        )
+        for one in found
+    ]  # fmt: skip
 
 
 def _pairs(m: Kinematics, wheelbase: float | None) -> list[tuple[str, str, str, Array, Array]]:

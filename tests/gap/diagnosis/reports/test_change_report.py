@@ -12,7 +12,7 @@ from browser import check_charts, needs_browser
 from drift_drake.car.effects.catalogue import CATALOGUE, shown_by
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.gap.diagnosis.reports.change_report import by_horizon, coverage_rows, overlay, report_html
-from drift_drake.gap.diagnosis.reports.report import limit_rows
+from drift_drake.gap.evidence.limit_rows import limit_rows
 from drift_drake.gap.evidence.ranges import REACH
 from drift_drake.view.pages.page import Source
 
@@ -29,7 +29,7 @@ def test_a_named_cause_is_shown_with_its_pictures_and_the_command_that_applies_i
     said = text_of(html)
     answer = late_day.answer
     assert answer.sentence() in said
-    assert html.count('class="chart"') == 3
+    assert html.count('class="chart"') == 5  # with both of how it was driven
     assert '"name":"corrected"' in html
     assert "drift-drake apply late.json --vehicle car.yaml --out corrected.yaml" in said
     for word in (
@@ -46,15 +46,19 @@ def test_a_named_cause_is_shown_with_its_pictures_and_the_command_that_applies_i
 
 
 @needs_browser
-def test_its_charts_are_drawn(late_day, tmp_path):
-    (tmp_path / "late.html").write_text(report_html(late_day), encoding="utf-8")
-    check_charts(tmp_path / "late.html")
+def test_its_charts_are_drawn(late_day, plain_day, tmp_path):
+    paths = tmp_path / "late.html", tmp_path / "plain.html"
+    for path, day in zip(paths, (late_day, plain_day), strict=True):
+        path.write_text(report_html(day), encoding="utf-8")
+    check_charts(*paths)
 
 
-def test_without_a_gap_none_is_drawn_and_limits_lead(plain_day):
+def test_without_a_gap_predictions_driving_and_limits_are_drawn(plain_day):
     html = report_html(plain_day)
-    assert 'class="chart"' not in html
-    assert "plotly.js v" not in html
+    assert html.count('class="chart"') == 3
+    assert html.count('class="timeline"') == len(plain_day.runs)
+    assert "Where the gap is" not in html
+    assert '"name":"corrected"' not in html
     assert "What these logs could have shown" in html
     assert "drift-drake apply" not in html
     for name in plain_day.answer.details["detection"]:
@@ -63,7 +67,7 @@ def test_without_a_gap_none_is_drawn_and_limits_lead(plain_day):
 
 def test_an_unknown_gap_has_a_place_and_no_corrected_car(strange_day):
     html = report_html(strange_day)
-    assert html.count('class="chart"') == 3
+    assert html.count('class="chart"') == 5
     assert "Where the gap is" in html
     assert '"name":"corrected"' not in html
     assert "drift-drake apply" not in html

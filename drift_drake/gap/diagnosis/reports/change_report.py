@@ -13,6 +13,7 @@ from drift_drake.gap.diagnosis.answers.rivals import in_words
 from drift_drake.gap.diagnosis.calibrated.changed_car import squares
 from drift_drake.gap.diagnosis.calibrated.diagnose_change import ChangeDiagnosis
 from drift_drake.gap.diagnosis.reports.report import in_doubt
+from drift_drake.gap.diagnosis.reports.trials import TRIED, trials
 from drift_drake.gap.estimation.driven import all_driven
 from drift_drake.gap.estimation.normal import LOST, Normal
 from drift_drake.gap.estimation.reduction import STATES
@@ -22,6 +23,7 @@ from drift_drake.gap.estimation.windows import HORIZONS, WindowedRun, regimes
 from drift_drake.gap.evidence.limit_rows import limit_rows
 from drift_drake.gap.evidence.posterior import UNKNOWN
 from drift_drake.gap.evidence.ranges import REACH
+from drift_drake.view.colours import RUNS
 from drift_drake.view.pages.charts import LOW, NORMAL, Line, Panel, placed, reach_of, side_by_side, stacked
 from drift_drake.view.pages.driving import driving
 from drift_drake.view.pages.page import GLOSSARY, Source, page_html
@@ -30,6 +32,8 @@ TEMPLATE = Path(__file__).parent / "change_report.html"
 REGIMES = (("speed", "m/s"), ("yaw rate times speed", "m/s²"), ("sideslip", "rad"), ("rim slip", "-"))
 MOST_SHOWN = 8  # hypotheses
 OF_THE_FILTER = ("nominal car", "innovation", "nat", "rear slip", "free-form forces")  # words that this report has not
+
+EMPTY = Line(TRIED, np.empty(0), np.empty(0), RUNS[3], dots=True)
 
 Cars = Mapping[str, np.ndarray]  # errors [windows, HORIZONS, channels] by the name of the car
 
@@ -79,8 +83,13 @@ def judged_states(day: Day) -> list[tuple[int, str]]:
     return [(i, state) for i, state in enumerate(STATES) if all(run.used[i] for run in day.runs)]
 
 
-def overlay(day: Day, normal: Normal, index: int, cars: Cars, onset: Mapping[str, float]) -> Markup:
-    """One run as measured and as predicted at the longest horizon, and below each state what is left over."""
+def overlay(
+    day: Day, normal: Normal, index: int, cars: Cars, onset: Mapping[str, float], tried: bool = False
+) -> Markup:
+    """One run as measured and as predicted at the longest horizon, and below each state what is left over.
+
+    tried: with lines for an effect that is tried (`trials`).
+    """
     run = day.runs[index]
     t, at = np.arange(len(run.y)) * run.period, ends(run)
     panels = []
@@ -91,6 +100,9 @@ def overlay(day: Day, normal: Normal, index: int, cars: Cars, onset: Mapping[str
         reach = reach_of(run.y[:, i], [line.y for line in predicted])
         panels.append(Panel(f"{state} [{UNITS[state]}]", [measured, *predicted], reach=reach))
         misses = [Line(name, at * run.period, e, dots=True) for name, e in left.items()]
+        if tried:  # drawn by the page's script
+            panels[-1] = dataclasses.replace(panels[-1], lines=[*panels[-1].lines, EMPTY])
+            misses.append(EMPTY)
         title = f"measured less predicted [{UNITS[state]}]"
         panels.append(Panel(title, misses, LOW, normal=2.0 * float(normal.scales[-1, i])))
     return placed(stacked(panels, {"gap sets in": onset[run.name]} if run.name in onset else {}))
@@ -126,11 +138,11 @@ def pictures(d: ChangeDiagnosis) -> dict[str, Markup]:
     if d.answer.verdict == "effect":
         cars["corrected"] = day.errors_with(d.ranked.leading.effects(day))
     worst, onset = worst_run(d), d.answer.where["onset"]
-    chart = overlay(day, normal, worst, cars, onset)
+    data = trials(d, worst, judged_states(day))
+    chart = {"overlay": overlay(day, normal, worst, cars, onset, bool(data)), "trials": data}
     if d.answer.verdict == "none":
-        return {"overlay": chart}
-    return {
-        "overlay": chart,
+        return chart
+    return chart | {
         "by_horizon": by_horizon(day, normal, cars),
         "time_line": time_line(day, normal, cars, onset),
     }

@@ -9,8 +9,6 @@ from pathlib import Path
 
 import pytest
 
-from tests.browser import BROWSER
-
 WAIT = 60.0  # [s]
 
 
@@ -65,21 +63,10 @@ class Window:
         return self.page.evaluate("document.documentElement.scrollWidth - innerWidth")
 
 
-@pytest.fixture(scope="session")
-def browser():
-    playwright = pytest.importorskip("playwright.sync_api", reason="a real browser is driven by playwright")
-    pytest.importorskip("nicegui", reason="the workbench needs the extra `app`")
-    if BROWSER is None:
-        pytest.skip("no Chromium on this machine: apt install chromium")
-    with playwright.sync_playwright() as driver:
-        chromium = driver.chromium.launch(executable_path=BROWSER, args=["--no-sandbox"])
-        yield chromium
-        chromium.close()
-
-
 @pytest.fixture
 def window(browser):
     """Makes windows, which are closed in the end; nothing may be wrong in any."""
+    pytest.importorskip("nicegui", reason="the workbench needs the extra `app`")
     opened = []
 
     def new(workbench, **options):

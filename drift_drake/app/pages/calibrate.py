@@ -49,11 +49,15 @@ def calibrate_page(project: Project, _readings: Recordings, jobs: Jobs, data: di
     with section("Measured against both cars"):
         text("p", "The simulated cars are put back onto the real one every second. Drag in the picture to zoom, double "
              "click to see all.", "note")  # fmt: skip
-        runs = [str(path) for day in project.days(data) for path in project.runs(day)]
-        place = box("div")
-        with box("div", "run"):
-            for path in runs:
-                button(path.removeprefix("logs/"), partial(_predict, project, path, data, place), label=f"Show {path}")
+        place, fitted = box("div"), stages.baseline(project, data)
+        for day in project.days(data):
+            names = project.names(day)
+            with box("div", "run"):
+                text("span", f"{day}, {'calibrated on' if day in fitted else 'for validation: not calibrated on'}:")
+                for path in project.runs(day):
+                    name = path.name.split(".")[0]
+                    button(names.get(name, name), partial(_predict, project, str(path), data, place),
+                           label=f"Show {path}")  # fmt: skip
     with section("Report"):
         frame_of(CALIBRATION_REPORT, "Report of the calibration")
     text("p", "Next: Diagnose.", "note")

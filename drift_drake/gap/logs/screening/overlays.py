@@ -6,7 +6,10 @@ from typing import NamedTuple
 import numpy as np
 
 from drift_drake.common.arrays import Array
+from drift_drake.gap.logs.screening.gains import Bounds
 from drift_drake.gap.logs.screening.kinematics import Columns, Kinematics, motion_of_columns
+from drift_drake.gap.logs.screening.redundancy import arm_found
+from drift_drake.gap.logs.screening.steering import ratio_found
 from drift_drake.view.colours import RUNS
 from drift_drake.view.pages.charts import Line, Panel
 
@@ -51,6 +54,27 @@ def overlays(runs: Sequence[Columns], period: float, wheelbase: float | None = N
         for column, against, unit, measured, expected in _pairs(m, wheelbase)
     ]
     return [clean for one in found if (clean := _there(one)) is not None]
+
+
+class Estimates(NamedTuple):
+    """Numbers of a mapping that gentle driving tells, each None where it does not.
+
+    steering: how many times as large delta_cmd is as turns ask for; ahead, left: of the centre of gravity [m], where
+    the speed is measured, less what the mapping says of it already.
+    """
+
+    steering: Bounds | None = None
+    ahead: Bounds | None = None
+    left: Bounds | None = None
+
+
+def estimates(runs: Sequence[Columns], period: float, wheelbase: float | None = None) -> Estimates:
+    """The estimates that the columns allow; arguments as of `overlays`."""
+    runs = [columns for columns in runs if {"r", "v"} <= set(columns) and len(np.asarray(columns["v"])) > 1]
+    if not runs:
+        return Estimates()
+    m = motion_of_columns(runs, [period] * len(runs))
+    return Estimates(None if wheelbase is None else ratio_found(m, wheelbase), *arm_found(m, wheelbase))
 
 
 def panels_of(found: Sequence[Overlay]) -> list[Panel]:

@@ -4,7 +4,7 @@ import json
 
 import numpy as np
 import pytest
-from browser import check_charts, needs_browser
+from browser import check_charts, check_looks, needs_browser
 
 from drift_drake.car.effects.magnitudes import Effects
 from drift_drake.car.log.table import Run, write_run
@@ -129,7 +129,7 @@ def test_a_mistyped_effect_or_column_is_guessed(files, capsys):
 
 
 @needs_browser
-def test_a_report_shows_what_is_used_and_what_would_be_seen(files, tmp_path):
+def test_a_report_shows_what_is_used_and_what_would_be_seen(files, tmp_path, browser):
     plain, page = tmp_path / "plain.html", tmp_path / "check.html"
     assert main(["check", str(files / "monday"), "--report", str(plain)]) == 0
     assert "Nothing looks wrong" in plain.read_text(encoding="utf-8")
@@ -140,3 +140,4 @@ def test_a_report_shows_what_is_used_and_what_would_be_seen(files, tmp_path):
     assert text.count('role="listitem"') > 20  # least sizes of effects
     assert "drift-drake check" in text
     check_charts(page)
+    check_looks(browser, plain, page)

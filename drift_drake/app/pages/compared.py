@@ -15,7 +15,7 @@ Edit = Callable[[Callable[[dict[str, Any]], None], bool], Awaitable[None]]
 
 
 def comparison(
-    edit: Edit, before: dict[str, Any], found: Any, compared: list[Any], panels: list[Any], told: Any
+    edit: Edit, before: dict[str, Any], found: Any, compared: list[Any], panels: list[Any], gentle: Any
 ) -> None:
     """What is said of a recording under the mapping `before`; found: `importing.preview.Preview`."""
     if found.refused:
@@ -32,7 +32,7 @@ def comparison(
         text("p", f"No other column can check {', '.join(found.unchecked)}.", "note")
     for sentence in found.undecided:
         text("p", sentence, "note")
-    _estimated(edit, before, told)
+    _estimated(edit, before, gentle)
     for one in compared:
         said = f"correlation {one.likeness:.3f}, gain {significant(one.gain, 3)}"
         text("p", f"{one.column} against {one.against}: {said}", "note")
@@ -40,16 +40,18 @@ def comparison(
         Chart(panels, "Columns against what others say of them")
 
 
-def _estimated(edit: Edit, mapping: dict[str, Any], told: Any) -> None:
+def _estimated(edit: Edit, mapping: dict[str, Any], gentle: Any) -> None:
     """What gentle driving tells of the steering and of where the speed is measured, each to be taken over."""
     line = (mapping.get("signals") or {}).get("delta_cmd")
     point = [float(q) for q in mapping.get("measured_point") or (0.0, 0.0)]
     scale = line.get("scale", 1.0) if isinstance(line, dict) else None
     offers = []
-    if told.steering is not None and isinstance(scale, int | float) and scale:
-        low, middle, high = sorted(q / scale for q in (told.steering.low, told.steering.middle, told.steering.high))
+    if gentle.steering is not None and isinstance(scale, int | float) and scale:
+        low, middle, high = sorted(
+            q / scale for q in (gentle.steering.low, gentle.steering.middle, gentle.steering.high)
+        )
         offers.append(("steering ratio", "", low, middle, high, partial(_take_ratio, middle)))
-    for axis, (side, found) in enumerate((("ahead", told.ahead), ("to the left", told.left))):
+    for axis, (side, found) in enumerate((("ahead", gentle.ahead), ("to the left", gentle.left))):
         if found is not None:
             low, middle, high = (q + point[axis] for q in (found.low, found.middle, found.high))
             offers.append((f"speed is measured {side} by", " m", low, middle, high, partial(_take_point, axis, middle)))

@@ -5,9 +5,12 @@ from typing import NamedTuple
 
 import numpy as np
 from markupsafe import Markup
+from scipy.ndimage import uniform_filter1d
 
 from drift_drake.car.log.table import Run
 from drift_drake.view.pages.charts import Array, Figure, cloud, placed
+
+EVENED = 0.3  # [s] of the speed, where its rate stands for an acceleration
 
 
 class UsedStretch(NamedTuple):
@@ -57,7 +60,8 @@ class Driven(NamedTuple):
 
 def driven(run: Run, stretches: Sequence[UsedStretch] = (), name: str = "") -> Driven:
     """What is drawn of a run; name: if it is not its own."""
-    ahead = np.gradient(run.v, run.period) if run.ax is None else run.ax
+    evened = uniform_filter1d(run.v, max(round(EVENED / run.period), 1), mode="nearest")
+    ahead = np.gradient(evened, run.period) if run.ax is None else run.ax
     left = run.v * run.r if run.ay is None else run.ay
     ends = float(run.t[0]), float(run.t[-1])
     return Driven(name or run.name, *ends, stretches, (left, ahead), (run.v, run.delta_cmd))

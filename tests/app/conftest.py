@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-WAIT = 240.0  # [s]
+WAIT = 90.0  # [s]
 
 
 class Workbench:

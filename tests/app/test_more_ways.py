@@ -94,7 +94,7 @@ def test_a_simulator_is_the_car_and_a_recordings_end_is_dragged(workbench, windo
     page.get_by_text("--vehicle simulator.yaml").wait_for()
     page.locator(".timelines", has_text="lap 1").wait_for()
     page.locator(".clouds .scatterlayer").nth(1).wait_for()
-    page.locator(".timeline").scroll_into_view_if_needed()
+    page.wait_for_load_state("networkidle")
     box = page.locator(".timeline").bounding_box()
     page.locator(".handle[data-key=start]").hover()
     page.mouse.down()

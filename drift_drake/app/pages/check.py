@@ -128,6 +128,6 @@ def _trimmed(project: Project, day: str, key: str, words: str) -> None:
 
 def _timelines(project: Project, day: str, runs: Any, trims: bool) -> None:
     """Used and left-out stretches of the runs; of the first, ends that can be dragged."""
-    lines = ui.html(part("timelines", runs, trims), sanitize=False)
+    lines = ui.html(part("timelines", runs, trims), sanitize=False).classes("trims")
     lines.on("trim", lambda event: set_of_day(project, day, str(event.args["key"]), round(float(event.args["at"]), 2)),
              js_handler="(e) => emit(e.detail)")  # fmt: skip

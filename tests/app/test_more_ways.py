@@ -127,7 +127,9 @@ def test_a_recording_is_dragged_onto_a_day_which_may_have_its_own_mapping(workbe
     page.keyboard.press("Enter")
     page.get_by_role("heading", name="day 2", exact=True).wait_for()
     one.go("Columns")
+    page.locator(".aside .js-plotly-plot").wait_for()
     page.get_by_label("Recording that is shown").select_option("lap 2.mcap")
+    page.locator("[aria-busy=false] .js-plotly-plot").wait_for()
     page.get_by_label("day 2 has a mapping of its own").check()
     page.locator("code", has_text="--mapping 'mapping day 2.yaml' --out 'logs/day 2'").wait_for()
     shared, own = (workbench.folder / name for name in ("mapping.yaml", "mapping day 2.yaml"))
@@ -152,7 +154,7 @@ def test_days_have_a_trend(workbench, window):
     one = window(workbench)
     one.go("Diagnose")
     page = one.page
-    page.get_by_role("table", name="What was found on each day").get_by_text("0.0900 (0.0800 to 0.100)").wait_for()
+    page.get_by_role("table", name="What was found on each day").get_by_text("0.09 (0.08 to 0.1)").wait_for()
     page.locator("[aria-label='steering_lag by day'] .scatterlayer .trace").nth(1).wait_for()
     assert page.locator("[aria-label='steering_lag by day'] .errorbars").count() == 2
 

@@ -128,12 +128,12 @@ def photograph(one, path):
     """The check's page as a phone shows it, in few colours."""
     from PIL import Image
 
-    narrow = Window(one.context.browser, one.workbench, width=480, scale=2.0, height=1330)
+    narrow = Window(one.context.browser, one.workbench, width=480, scale=1.5, height=1240)
     narrow.go("Check")
     narrow.page.locator(".clouds .js-plotly-plot .scatterlayer").nth(1).wait_for()
     narrow.page.wait_for_timeout(3000)
-    narrow.page.evaluate("""for (const one of document.querySelectorAll(".command, details, iframe")) one.remove()""")
-    narrow.page.locator(".timelines").first.scroll_into_view_if_needed()
+    left_out = ".command, details, .fields, .bars > div:nth-child(n + 5)"
+    narrow.page.evaluate(f"for (const one of document.querySelectorAll('{left_out}')) one.remove()")
     narrow.page.evaluate("document.querySelector('h1').scrollIntoView()")
     narrow.page.screenshot(path=path)
     narrow.context.close()

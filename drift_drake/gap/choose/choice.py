@@ -19,8 +19,8 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 from scipy.special import stdtrit
 
+from drift_drake.car.car_file import PlantParameters
 from drift_drake.car.effects.record import wheelbase
-from drift_drake.car.given_vehicle import PlantParameters
 from drift_drake.car.log.table import Run
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.common.arrays import Array

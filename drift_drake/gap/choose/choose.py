@@ -2,7 +2,8 @@
 
 from pathlib import Path
 
-from drift_drake.car.given_vehicle import Vehicle, plant_of, vehicle_given
+from drift_drake.car.car_file import plant_of
+from drift_drake.car.given_vehicle import Vehicle, vehicle_given
 from drift_drake.car.log.given import Logs, logs_given
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.common.standard_output import Progress

@@ -10,12 +10,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from drift_drake.car.car_file import PlantParameters
 from drift_drake.car.double_track.nearest import nearest_double_track
 from drift_drake.car.double_track.parameters import DoubleTrackParameters
 from drift_drake.car.effects.catalogue import CATALOGUE
 from drift_drake.car.effects.magnitudes import Effects
 from drift_drake.car.equations import folded_into
-from drift_drake.car.given_vehicle import PlantParameters
 from drift_drake.common.arrays import Array
 from drift_drake.gap.estimation.robust_fit import robust_fit
 from drift_drake.gap.estimation.unknowns import deviations_of, unknown, with_found

@@ -18,7 +18,6 @@ from drift_drake.drive.learnt.features import features, network_inputs
 from drift_drake.drive.learnt.posterior import mahalanobis, predict
 from drift_drake.drive.learnt.quality import learn
 from drift_drake.drive.learnt.samples import Samples, samples_from_log
-from drift_drake.drive.manoeuvres.vehicles import draw_effects
 from drift_drake.gap.choose.choice import (
     Familiar,
     familiar_from,
@@ -27,6 +26,7 @@ from drift_drake.gap.choose.choice import (
     usual_error,
     usual_surprise,
 )
+from experiments.benchmarks.vehicles import draw_effects
 
 CONFIG = GatheringConfig(steps=12, v_end=11.0, starts=1, max_iterations=30)
 

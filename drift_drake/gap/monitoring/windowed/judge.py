@@ -28,7 +28,11 @@ def verdict_of(problem: EvidenceProblem, null: Null, history: History[WindowSums
     ages, recent = since(history)
     if not len(ages):
         return nothing_seen(problem)
-    w, m = whitened(null, recent, until(history))
+    return judged(problem, null, ages, *whitened(null, recent, until(history)))
+
+
+def judged(problem: EvidenceProblem, null: Null, ages: np.ndarray, w: np.ndarray, m: np.ndarray) -> Verdict:
+    """The posterior from whitened scores w [a, n] of each age [windows], and their mean m [a, n, K] by amplitudes."""
     begun = np.log(HAZARD * np.diff(ages, prepend=0.0) * null.seconds)
     return concluded(problem, w, m, begun, ages, null.seconds)
 

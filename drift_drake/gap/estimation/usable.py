@@ -2,7 +2,6 @@
 
 import dataclasses
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import numpy as np
 
@@ -13,6 +12,7 @@ from drift_drake.car.parameters import VehicleParameters
 from drift_drake.gap.estimation.pieces import lasting, pieces_of, spread
 from drift_drake.gap.estimation.windows import SETTLING, stride_of
 from drift_drake.gap.logs.screening.screened import Screened, screened
+from drift_drake.view.pages.driving import UsedStretch
 
 AHEAD = 6.5  # strides that a part needs for one window
 SHORT = "parts that are too short"
@@ -73,14 +73,6 @@ def _parts(
     back = backing(run, vehicle) & ~frozen & reverse
     ways = (*spans(driven(run, vehicle) & ~frozen), *spans(back))
     return frozen, back, sorted((a, b) for a, b in ways if b - a >= least), least
-
-
-class UsedStretch(NamedTuple):
-    """A part of a run [s], and why it is not used; empty where it is."""
-
-    start: float
-    stop: float
-    why: str
 
 
 def stretches(runs: Sequence[Run], vehicle: VehicleParameters, reverse: bool = True) -> list[list[UsedStretch]]:

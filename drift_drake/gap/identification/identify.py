@@ -79,7 +79,7 @@ def identify(
     began = time.perf_counter()
     tell = progress or (lambda _stage, _share: None)
     check_effect_names(known, names)
-    vehicle, first = first.single_track(), first_of_kind(first, kind)
+    given, vehicle, first = runs, first.single_track(), first_of_kind(first, kind)
     runs, _, warnings = admit(runs, first)
     warnings += [
         f"effect {name}: calibrated anyway, as a parameter of the vehicle file" for name in names if name in OWN
@@ -102,7 +102,7 @@ def identify(
     warnings = [*warnings, *c.warnings, *lacking, *kept_sentences(asked)]
     c = dataclasses.replace(c, seconds=time.perf_counter() - began, driving=driving, warnings=warnings)
     tell("done", 1.0)
-    return dataclasses.replace(found, calibration=c)
+    return dataclasses.replace(found, calibration=c, first=(first, effects), runs=given)
 
 
 def first_of_kind(first: CarParameters, kind: CarKind) -> CarParameters:

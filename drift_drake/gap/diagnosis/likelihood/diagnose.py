@@ -276,6 +276,7 @@ class Diagnosis:
     reduction: Reduction
     unexplained: Regression  # pulses that the best hypothesis leaves
     lacking: Regression  # pulses that the car without effects lacks
+    runs: Sequence[Run] = dataclasses.field(default=(), repr=False)  # as they were given
 
 
 @one_blas_thread()
@@ -310,6 +311,7 @@ def diagnose(
     """
     began = time.perf_counter()
     tell = progress or (lambda _stage, _share: None)
+    given = runs
     runs, doubts, doubted = admit(runs, vehicle)
     runs, left_out = part_of(runs, most_seconds)
     names, unseen = seen_effects(runs, catalogue)
@@ -331,4 +333,6 @@ def diagnose(
     answer = judged.answer(problem, case, where, details, warnings, time.perf_counter() - began)
     tell("done", 1.0)
     posterior = judged.posterior
-    return Diagnosis(answer, problem, found, posterior, posterior.leading, judged.reduction, judged.left[0], lacking)
+    return Diagnosis(
+        answer, problem, found, posterior, posterior.leading, judged.reduction, judged.left[0], lacking, given
+    )

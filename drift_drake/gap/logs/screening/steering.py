@@ -6,7 +6,7 @@ import numpy as np
 
 from drift_drake.car.log.plausible import LARGEST
 from drift_drake.car.parameters import VehicleParameters
-from drift_drake.gap.logs.screening.gains import gain
+from drift_drake.gap.logs.screening.gains import Bounds, gain
 from drift_drake.gap.logs.screening.kinematics import Columns, Kinematics
 from drift_drake.gap.logs.screening.suspicions import Suspicion
 
@@ -23,8 +23,8 @@ SAID = 3.0  # times the usual hold, for a reading that repeats
 ONE_STEP = 1.5  # from small changes to large ones, below which all are of one step
 
 
-def ratio_doubts(m: Kinematics, length: float) -> list[Suspicion]:
-    """A steering ratio that gentle turns contradict.
+def ratio_found(m: Kinematics, length: float) -> Bounds | None:
+    """How many times as large the steering commands are as gentle turns ask for, where they tell.
 
     The steered angle is (L + K v^2) r / v: what goes with r / v tells the ratio, what goes with v r the understeer.
 
@@ -34,7 +34,12 @@ def ratio_doubts(m: Kinematics, length: float) -> list[Suspicion]:
     slow = (np.abs(m.turned) < GENTLE) & (np.abs(np.nan_to_num(m.beta)) < STEADY)
     w = m.where(slow)
     asked = length * w.r / w.v
-    found = gain(w.delta_cmd, asked, np.column_stack([w.turned, w.spin / w.v, w.lag(asked)]), w.block)
+    return gain(w.delta_cmd, asked, np.column_stack([w.turned, w.spin / w.v, w.lag(asked)]), w.block)
+
+
+def ratio_doubts(m: Kinematics, length: float) -> list[Suspicion]:
+    """A steering ratio that gentle turns contradict; length: the wheelbase [m]."""
+    found = ratio_found(m, length)
     if found is None or not found.beyond(1.0, MARGIN):
         return []
     says = (

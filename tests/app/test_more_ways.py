@@ -44,9 +44,9 @@ def write_mcap(path: Path) -> None:
 
 def answer(verdict: str, **magnitudes: Interval) -> Answer:
     """Of a day on which these were found, and a steering lag of 0.02 s would have been."""
-    nothing = Interval(0.0, 0.0, 0.0)
+    nothing, name = Interval(0.0, 0.0, 0.0), "+".join(magnitudes) or verdict
     return Answer(
-        case="day", verdict=verdict, causes=list(magnitudes), posterior={verdict: 1.0}, ambiguity=[verdict],
+        case="day", verdict=verdict, causes=list(magnitudes), posterior={name: 1.0}, ambiguity=[name],
         magnitudes=magnitudes, where={"states": {}, "runs": {}, "onset": {}, "regions": []}, reduction=nothing,
         seconds=1.0, tolerances={}, details={"detection": {"steering_lag": {"least": 0.02}}}, warnings=[],
     )  # fmt: skip

@@ -13,7 +13,7 @@ from drift_drake.car.log.table import InvalidLogError, run_paths
 from drift_drake.common.errors import InvalidOptionError
 from drift_drake.common.executors import ExecutorConfig
 from drift_drake.common.interruption import ended_at_once
-from drift_drake.common.safe_files import try_outputs
+from drift_drake.common.safe_files import try_outputs, write_figure
 from drift_drake.common.standard_output import said_to, write_results
 
 if TYPE_CHECKING:
@@ -54,7 +54,13 @@ def run_fleet(command: Fleet) -> None:
     logs = [path for folder in folders.values() for path in run_paths(folder)]
     try_outputs({"--json": command.json, "--picture": command.picture}, [command.vehicle, *logs])
     with ended_at_once():
-        from drift_drake.gap.monitoring.fleet import days_of, evidence_problem_of, fleet_findings, shared_columns
+        from drift_drake.gap.monitoring.fleet import (
+            days_of,
+            draw_fleet,
+            evidence_problem_of,
+            fleet_findings,
+            shared_columns,
+        )
         from drift_drake.gap.monitoring.watch import WATCHED
 
     used = shared_columns(folders)
@@ -67,9 +73,6 @@ def run_fleet(command: Fleet) -> None:
     print("\n".join(lines(found)), file=said_to(command.json))
     write_results(command.json, found)
     if command.picture is not None:
-        from drift_drake.common.safe_files import write_figure
-        from drift_drake.gap.monitoring.fleet_picture import draw_fleet  # matplotlib is slow to import
-
         write_figure(draw_fleet(found), command.picture)
         print(f"{command.picture}: cars by effects", file=said_to(command.json))
 

@@ -96,8 +96,8 @@ def run_identify(command: Identify) -> None:
 
 def summary(found: "Identification", json: Path | None = None) -> str:
     """The calibration in sentences; `json` is where it goes."""
+    from drift_drake.gap.identification.calibration import grouped
     from drift_drake.gap.identification.outlook import sentences as outlook_sentences
-    from drift_drake.gap.identification.unidentified import grouped
 
     c = found.calibration
     lines = [c.sentence()]

@@ -12,7 +12,7 @@ from drift_drake.car.parameters import VehicleParameters
 from drift_drake.car.vehicle_file import read_vehicle, write_vehicle
 from drift_drake.common.run_folder import write_json
 from drift_drake.gap.identification.identify import identify
-from drift_drake.gap.monitoring.baseline_scores import with_baseline_scores
+from drift_drake.gap.monitoring.baselines import with_baseline_scores
 from drift_drake.gap.monitoring.monitor import Monitor
 from drift_drake.gap.monitoring.watch import monitor_of
 from experiments.other_worlds.days import Days, first_guess, make_day

@@ -35,7 +35,7 @@ from drift_drake.drive.loop.closed_loop import ClosedLoop
 from drift_drake.drive.loop.faults import Change, Fault
 from drift_drake.drive.loop.true_plant import plant_of
 from drift_drake.drive.reference.trajectory import Reference, figure_8
-from drift_drake.gap.monitoring.baseline_scores import with_baseline_scores
+from drift_drake.gap.monitoring.baselines import with_baseline_scores
 from drift_drake.gap.monitoring.in_loop import CORRECTING, GapWatch, Policy, events_of
 from drift_drake.gap.monitoring.monitor import Monitor, make_monitor
 from drift_drake.gap.monitoring.watch import WATCHED

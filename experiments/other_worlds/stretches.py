@@ -16,7 +16,6 @@ from drift_drake.car.parameters import VehicleParameters
 from drift_drake.car.vehicle_file import read_vehicle, stated_tolerances
 from drift_drake.common.errors import DriftDrakeError
 from drift_drake.gap.diagnosis.calibrated.diagnose_change import search_of
-from drift_drake.gap.estimation.admitted import admit
 from drift_drake.gap.estimation.baseline import (
     Seen,
     Stretches,
@@ -27,7 +26,7 @@ from drift_drake.gap.estimation.learn_normal import Learnt, learn_normal
 from drift_drake.gap.estimation.normal import Normal
 from drift_drake.gap.estimation.prediction_constants import LEFT_OF_FITTED, LEFT_OF_OTHERS, REGULAR
 from drift_drake.gap.estimation.scores import flat_scores
-from drift_drake.gap.estimation.usable import seen_effects
+from drift_drake.gap.estimation.usable import admit, seen_effects
 from drift_drake.gap.evidence.posterior import NONE, UNKNOWN
 from drift_drake.gap.identification import by_prediction
 from drift_drake.gap.identification.identify import identify

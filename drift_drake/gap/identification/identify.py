@@ -21,21 +21,17 @@ from drift_drake.car.foreign.simulator_car import SimulatorCar
 from drift_drake.car.log.table import InvalidLogError, Run, read_case, stated_noise
 from drift_drake.car.parameters import CarParameters, InvalidVehicleError, VehicleParameters
 from drift_drake.common.standard_output import Progress
-from drift_drake.gap.estimation.admitted import admit
 from drift_drake.gap.estimation.effort import counted
 from drift_drake.gap.estimation.unknowns import OWN
-from drift_drake.gap.estimation.usable import part_of, seen_effects
+from drift_drake.gap.estimation.usable import admit, part_of, seen_effects
 from drift_drake.gap.estimation.windows import stride_of, windowed
-from drift_drake.gap.identification.asked import Asked
 from drift_drake.gap.identification.by_likelihood import NO_PEAK, identify_by_likelihood, stretched
 from drift_drake.gap.identification.by_prediction import PredictionFit, fit_by_prediction, held_out_windows
 from drift_drake.gap.identification.calibration import Calibration, Identification
 from drift_drake.gap.identification.driving import CIRCLES, ONE_RECORDING, SLIPPERY, STEPS, driving_of
-from drift_drake.gap.identification.estimate import check_effect_names
-from drift_drake.gap.identification.kept import held_still, kept_at_first_guess
+from drift_drake.gap.identification.estimate import check_effect_names, whiteness
 from drift_drake.gap.identification.options import EFFECTS, KNOWN, CarKind, Criterion
-from drift_drake.gap.identification.stated import stated_in_full
-from drift_drake.gap.identification.whiteness import whiteness
+from drift_drake.gap.identification.stated import Asked, held_still, kept_at_first_guess, stated_in_full
 
 WHITE = 0.1  # tempering exponent of that fit, from which they are
 FURTHER = fitted(

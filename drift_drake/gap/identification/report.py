@@ -8,9 +8,8 @@ from markupsafe import Markup
 
 from drift_drake.car.effects.catalogue import CATALOGUE
 from drift_drake.car.log.table import UNITS
-from drift_drake.gap.identification.calibration import Identification, Parameter
+from drift_drake.gap.identification.calibration import Identification, Parameter, grouped
 from drift_drake.gap.identification.held_out import HeldOut
-from drift_drake.gap.identification.unidentified import grouped
 from drift_drake.view.pages.charts import NORMAL, Line, Panel, finished, heat_map, side_by_side
 from drift_drake.view.pages.page import Source, page_html
 from drift_drake.view.style import CARS

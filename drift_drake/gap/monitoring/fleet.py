@@ -10,19 +10,23 @@ import dataclasses
 import functools
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Literal, NamedTuple
+from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
 
+from drift_drake.car.effects.catalogue import CATALOGUE
 from drift_drake.car.effects.magnitudes import Effects
 from drift_drake.car.log.table import InvalidLogError, case_paths, read_case, read_run
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.common.executors import ExecutorConfig, results_of
 from drift_drake.gap.estimation.prior import TWO_SIDED
-from drift_drake.gap.monitoring.baseline_scores import block_sums
+from drift_drake.gap.monitoring.baselines import block_sums
 from drift_drake.gap.monitoring.evidence import EvidenceProblem, Sums, no_sums, whitened
 from drift_drake.gap.monitoring.monitor import make_monitor
 from drift_drake.gap.monitoring.watch import WATCHED, monitor_of
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 Folders = Mapping[tuple[str, str], Path]  # of cars and days
 Level = Literal["fleet", "car", "day"]
@@ -31,6 +35,7 @@ PRIOR: dict[Level, float] = {"fleet": 0.5, "car": 0.2, "day": 0.1}
 SHAPE = 0.15  # relative error of what an effect does (see `gap.diagnosis.calibrated.posterior`)
 ODD = 4.0  # standard deviations of a day's misfit beyond its expectation, from which on it is an outlier
 MOST = 200  # terms
+ALL = "all cars"
 
 
 class FleetDay(NamedTuple):
@@ -226,3 +231,30 @@ def _term(problem: EvidenceProblem, c: _Choice, amplitude: float, variance: floa
     ends = sorted(node.magnitude_at(float(amplitude) + side * half) for side in (-1.0, 1.0))
     probability = 1.0 / (1.0 + float(np.exp(-min(log_odds, 700.0))))
     return Term(c.level, c.owner, node.name, node.magnitude_at(float(amplitude)), ends[0], ends[1], probability)
+
+
+def draw_fleet(found: FleetFindings) -> "Figure":
+    """Cars by effects, magnitudes in shares of their practical range.
+
+    Rows: all cars, and the cars that have something of their own; columns: effects; a cell:
+    the magnitude.
+    """
+    from matplotlib.figure import Figure  # slow to import
+
+    effects = list(dict.fromkeys(term.effect for term in found.terms)) or ["none"]
+    owners = [ALL, *dict.fromkeys(term.owner for term in found.terms if term.level != "fleet")]
+    values, labels = np.zeros((len(owners), len(effects))), {}
+    for term in found.terms:
+        at = owners.index(term.owner or ALL), effects.index(term.effect)
+        values[at] = term.magnitude / max(abs(CATALOGUE[term.effect].low), abs(CATALOGUE[term.effect].high))
+        labels[at] = f"{term.magnitude:+.3g}"
+    figure = Figure(figsize=(2.0 + 1.1 * len(effects), 1.8 + 0.35 * len(owners)), layout="constrained")
+    axes = figure.subplots()
+    image = axes.imshow(values, cmap="RdBu_r", vmin=-1.0, vmax=1.0, aspect="auto")
+    for (row, column), text in labels.items():
+        axes.text(column, row, text, ha="center", va="center", color="white" if abs(values[row, column]) > 0.6 else "k")
+    axes.set_xticks(range(len(effects)), effects, rotation=30, ha="right")
+    axes.set_yticks(range(len(owners)), owners)
+    axes.set_title(f"{len(found.cars)} cars, {found.days} days: what is missing from the simulator")
+    figure.colorbar(image, ax=axes, label="magnitude, of the practical range")
+    return figure

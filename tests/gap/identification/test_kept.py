@@ -10,7 +10,7 @@ from drift_drake.car.parameters import VehicleParameters
 from drift_drake.gap.estimation.unknowns import BROAD
 from drift_drake.gap.identification import identify as identification
 from drift_drake.gap.identification.identify import identify
-from drift_drake.gap.identification.kept import kept_at_first_guess, widened_unknown
+from drift_drake.gap.identification.stated import kept_at_first_guess, widened_unknown
 
 
 def test_a_parameter_that_was_fitted_is_stated_as_before(identified):

@@ -13,8 +13,14 @@ from drift_drake.cli.main import main
 from drift_drake.common.errors import DriftDrakeError
 from drift_drake.gap.monitoring.bank import make_nodes
 from drift_drake.gap.monitoring.evidence import Sums, evidence_problem
-from drift_drake.gap.monitoring.fleet import FleetDay, days_of, evidence_problem_of, fleet_findings, shared_columns
-from drift_drake.gap.monitoring.fleet_picture import draw_fleet
+from drift_drake.gap.monitoring.fleet import (
+    FleetDay,
+    days_of,
+    draw_fleet,
+    evidence_problem_of,
+    fleet_findings,
+    shared_columns,
+)
 from experiments.monitoring.drives import changed_drive
 
 NODES = make_nodes(["aero_drag", "mass_error", "steering_delay", "gyro_bias", "torque_gain_error"], VehicleParameters())

@@ -81,7 +81,7 @@ def _with_vehicle(
     # Slow to import, and of no use without a vehicle.
     from drift_drake.gap.diagnosis.check.limits import limits_by_filter, limits_by_prediction
     from drift_drake.gap.diagnosis.diagnose import trust_given
-    from drift_drake.gap.estimation.admitted import admit
+    from drift_drake.gap.estimation.usable import admit
     from drift_drake.gap.evidence.where import region_names, region_of
     from drift_drake.gap.identification.calibration import CarTrust
 

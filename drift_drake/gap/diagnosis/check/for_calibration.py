@@ -10,9 +10,9 @@ from drift_drake.car.parameters import CarParameters
 from drift_drake.common.errors import significant
 from drift_drake.gap.identification.driving import Driving, Missing, driving_of
 from drift_drake.gap.identification.forecast import forecast
-from drift_drake.gap.identification.kept import EFFECT_OF, NEVER
 from drift_drake.gap.identification.options import KNOWN
 from drift_drake.gap.identification.outlook import TIMES, Outlook, never
+from drift_drake.gap.identification.stated import EFFECT_OF, NEVER
 
 WITHOUT_BETA = (
     "column beta is missing: a calibration goes by likelihood; whether recordings agree, and what a later log "

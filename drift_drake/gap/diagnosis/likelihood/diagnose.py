@@ -18,7 +18,6 @@ from drift_drake.gap.diagnosis.likelihood.beliefs import beliefs_as_data
 from drift_drake.gap.diagnosis.likelihood.isolability import isolability
 from drift_drake.gap.diagnosis.likelihood.learned import learned
 from drift_drake.gap.diagnosis.likelihood.search import search
-from drift_drake.gap.estimation.admitted import admit
 from drift_drake.gap.estimation.fit import Fit, no_effects, prior_precision
 from drift_drake.gap.estimation.freeform import applied, misfit, responses, traced
 from drift_drake.gap.estimation.prior import TWO_SIDED, Interval, bounds
@@ -48,7 +47,7 @@ from drift_drake.gap.estimation.regression import (
     solve_equations,
     summed_equations,
 )
-from drift_drake.gap.estimation.usable import MOST_SECONDS, part_of, seen_effects
+from drift_drake.gap.estimation.usable import MOST_SECONDS, admit, part_of, seen_effects
 from drift_drake.gap.evidence.posterior import (
     UNKNOWN,
     PosteriorConstants,

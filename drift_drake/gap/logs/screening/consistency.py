@@ -25,9 +25,8 @@ from drift_drake.gap.logs.screening.misnamed import (
 )
 from drift_drake.gap.logs.screening.redundancy import agreements, arm_doubts, bias_doubts, scale_doubts, undecided_arm
 from drift_drake.gap.logs.screening.relations import KINDS, Kind, Relation, Windows, relations, windows_of_columns
-from drift_drake.gap.logs.screening.steering import held_doubts, ratio_doubts, reach_doubts
+from drift_drake.gap.logs.screening.steering import held_doubts, ratio_doubts, reach_doubts, timing_doubts
 from drift_drake.gap.logs.screening.suspicions import Suspicion, contradictions
-from drift_drake.gap.logs.screening.timing import timing_doubts
 from drift_drake.gap.logs.screening.unit_mistakes import mistakes
 
 ASKED = ("r", "psi", "v", "beta", "omega_r", "ax", "ay", "delta_cmd")  # columns that others could check

@@ -19,10 +19,18 @@ from drift_drake.gap.monitoring.events import InvalidBaselineScoresError
 from drift_drake.gap.monitoring.evidence import FALSE_ALARMS, alarm_at, evidence_problem
 from drift_drake.gap.monitoring.history import of_parts
 from drift_drake.gap.monitoring.watch import rows_of
-from drift_drake.gap.monitoring.windowed.familiar import LARGEST, KnownDriving, familiar_of
 from drift_drake.gap.monitoring.windowed.monitor import WindowMonitor
 from drift_drake.gap.monitoring.windowed.null import distance, null_of
-from drift_drake.gap.monitoring.windowed.sums import FEATURES, features, no_windows, projection_of, sums_of
+from drift_drake.gap.monitoring.windowed.sums import (
+    FEATURES,
+    LARGEST,
+    KnownDriving,
+    familiar_of,
+    features,
+    no_windows,
+    projection_of,
+    sums_of,
+)
 
 MOST = 700  # windows of a calibration, of each recording as many, whose distance from normal is looked at
 TYPICAL = 0.75  # quantile of these distances, beyond which a window counts less

@@ -1,6 +1,7 @@
 """What one window of predictions says of each effect: its scores, their information, and what each node does to them.
 
-The same as `gap.estimation.scores` of a whole day, for the newest window alone.
+The same as `gap.estimation.scores` of a whole day, for the newest window alone. A window that is driven unlike all
+of the calibration's is not judged.
 """
 
 from collections.abc import Sequence
@@ -19,6 +20,10 @@ from drift_drake.gap.monitoring.bank import Node
 FEATURES = ("speed", "lateral acceleration", "sideslip", "slip of the driven wheels", "least torque", "most torque")
 SLIP = 3
 SLIGHT_SLIP = 0.03  # [-] of slip along the wheels, below which more of it is no other driving
+MOST = 400  # points, evenly chosen
+KNOWN = 0.97  # quantile of the distance of a calibration's own windows from its other recordings'
+APART = 15  # windows of the only recording that are not near each other, either side
+LARGEST = 1e6
 
 
 class WindowSums(NamedTuple):
@@ -76,3 +81,39 @@ def features(window: WindowedRun) -> np.ndarray:
     found[SLIP] = np.log(SLIGHT_SLIP + found[SLIP])
     tau = window.tau[window.starts[0] :]
     return np.concatenate([found, [tau.min(), tau.max()]])
+
+
+class KnownDriving(NamedTuple):
+    """The driving of a calibration's windows, in standard deviations of it."""
+
+    points: np.ndarray  # [k, FEATURES]
+    size: np.ndarray  # [FEATURES]
+    limit: float  # distance beyond which a window is unlike all of them
+
+
+def familiar_of(driving: Sequence[np.ndarray]) -> KnownDriving:
+    """The driving of recordings, each [windows, FEATURES]."""
+    whole = np.concatenate(driving)
+    size = np.maximum(whole.std(axis=0), 1e-9 + 1e-3 * np.abs(whole).max(axis=0))
+    at = np.repeat(np.arange(len(driving)), [len(part) for part in driving])
+    order = np.arange(len(whole))
+    found = []
+    for i in order:
+        other = at != at[i] if len(driving) > 1 else np.abs(order - i) > APART
+        if np.any(other):
+            found.append(np.min(np.linalg.norm((whole[other] - whole[i]) / size, axis=1)))
+    limit = float(np.quantile(found, KNOWN)) if found else 1.0
+    return KnownDriving(whole[:: max(int(np.ceil(len(whole) / MOST)), 1)], size, max(limit, 1e-3))
+
+
+def unlike(familiar: KnownDriving, driving: np.ndarray) -> int | None:
+    """Index of the feature by which a window's driving [FEATURES] is off the nearest point; None where it is known."""
+    off = (familiar.points - driving) / familiar.size
+    distances = np.linalg.norm(off, axis=1)
+    nearest = int(np.argmin(distances))
+    return int(np.argmax(np.abs(off[nearest]))) if distances[nearest] > familiar.limit else None
+
+
+def harder(index: int) -> str:
+    """The feature in words."""
+    return FEATURES[index]

@@ -99,7 +99,7 @@ def sentences(checked: "Checked") -> list[str]:
         driven = sorted(checked.regions.items(), key=lambda item: -item[1])
         lines += ["driven:", *(f"  {seconds:5.1f} s  {name}" for name, seconds in driven)]
     if checked.for_calibration is not None:
-        from drift_drake.gap.diagnosis.check.for_calibration import said
+        from drift_drake.gap.diagnosis.check.with_vehicle import said
 
         lines += said(checked.for_calibration)
     return lines + could_show(checked.detection)

@@ -189,7 +189,7 @@ def _diagnose_many(
     if before:
         print(f"{len(before)} of {count} cases are answered in {into}; --again redoes them", file=sys.stderr)
     with ended_at_once():
-        from drift_drake.gap.diagnosis.folders import diagnose_all
+        from drift_drake.gap.diagnosis.diagnose import diagnose_all
     only = [folder for folder in folders if folder not in before]
     run_on = ExecutorConfig("processes" if command.scheduler is None else "dask", command.workers, command.scheduler)
 

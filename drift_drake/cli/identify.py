@@ -67,7 +67,7 @@ def run_identify(command: Identify) -> None:
     try_outputs(outputs, [command.vehicle, *logs])
     with ended_at_once():
         from drift_drake.gap.estimation.filter import filter_run
-        from drift_drake.gap.identification.from_logs import identify
+        from drift_drake.gap.identification.identify import identify
     if not isinstance(first, SimulatorCar):
         say_if_it_compiles(filter_run, "the filter")
     with progress_bar(command.quiet) as show:

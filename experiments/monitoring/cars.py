@@ -43,7 +43,7 @@ def double_track_simulator(folder: Path) -> Simulator:
     days = Days(Path(), car=CAR, seed=SEED, duration=DURATION)
     runs, path = make_day(days, {}, DAY_ONE, 0), folder / "coupe.yaml"
     if not path.exists():
-        found = identify(runs, first_guess(CAR), case=CAR, criterion="prediction")
+        found = identify(runs, first_guess(CAR), case=CAR, criterion="prediction", watching=False)
         write_vehicle(path, found.vehicle, found.effects)
         write_json(folder / "calibration.json", found.calibration.sentence())
     vehicle, effects = read_vehicle(path)

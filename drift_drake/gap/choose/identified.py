@@ -25,7 +25,8 @@ from drift_drake.common.arrays import Array
 from drift_drake.common.errors import unit_suffix
 from drift_drake.gap.estimation.windows import WindowedRun, errors
 from drift_drake.gap.identification.double_track import identify_double_track
-from drift_drake.gap.identification.identify import identify
+from drift_drake.gap.identification.identify import calibrate
+from drift_drake.gap.identification.stated import Asked
 
 # In addition to the vehicle's own parameters: what a driven car may have that a step of its model can hold.
 EFFECTS = fitted("drives")
@@ -83,7 +84,7 @@ def identified(runs: Sequence[Run], first_guess: VehicleParameters, more: Sequen
     """The car that fits the drives best, by the filter's likelihood; None where they are too short or it has no peak.
 
     Nothing is believed known but the equations: masses, inertias, stiffnesses, friction and the drive's gain have
-    broad priors, and the effects that a driven car may have are fitted with them (`identify`).
+    broad priors, and the effects that a driven car may have are fitted with them (`calibrate`).
 
     Args:
         more: effects that it may have in addition to `EFFECTS`.
@@ -91,9 +92,8 @@ def identified(runs: Sequence[Run], first_guess: VehicleParameters, more: Sequen
     try:
         with np.errstate(divide="ignore", invalid="ignore"):
             # What gentle drives do not show is judged by how the car predicts (`gap.choose.choice`), not kept.
-            found = identify(
-                runs, first_guess, known=(), names=(*EFFECTS, *more), criterion="likelihood", force=True, unseen=()
-            )
+            asked = Asked(first_guess, known=(), names=(*EFFECTS, *more), criterion="likelihood", force=True, unseen=())
+            found = calibrate(runs, asked)
     except (InvalidLogError, InvalidVehicleError, np.linalg.LinAlgError):
         return None
     return IdentifiedCar(single_track_of(found.vehicle), found.effects)

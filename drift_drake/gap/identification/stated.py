@@ -19,7 +19,7 @@ from drift_drake.gap.identification.by_prediction import PredictionFit
 from drift_drake.gap.identification.calibration import Calibration, Identification, Parameter, directions, tied
 from drift_drake.gap.identification.estimate import Trust
 from drift_drake.gap.identification.held_out import HeldOut
-from drift_drake.gap.identification.options import CarKind, Criterion
+from drift_drake.gap.identification.options import EFFECTS, KNOWN, CarKind, Criterion
 from drift_drake.gap.identification.outlook import TIMES
 
 EFFECT_OF = {tolerance: name for name, tolerance in TOLERANCE_OF.items()}
@@ -31,25 +31,32 @@ HELD = 1e-6  # of a parameter, or rad: a tolerance that a fit cannot move it by
 class Asked:
     """What is asked of an identification; see `identify`."""
 
-    first: CarParameters
-    effects: Effects
-    case: str
-    known: tuple[str, ...]
-    names: tuple[str, ...]
-    stated: Mapping[str, float] | None
-    criterion: Criterion
-    tolerances: frozenset[str]
+    first: CarParameters  # the first guess
+    effects: Effects = Effects()
+    case: str = "case"
+    known: tuple[str, ...] = KNOWN
+    names: tuple[str, ...] = EFFECTS  # effects that may belong to the car, in addition to those of the first guess
+    stated: Mapping[str, float] | None = None  # noise levels that are known otherwise (`make_problem`)
+    criterion: Criterion = "auto"
+    tolerances: frozenset[str] = frozenset()  # that the vehicle file states: prediction believes them, times two
     kind: CarKind = "auto"
-    unseen: tuple[str, ...] = ()  # parameters (names of tolerances) that the drives cannot show
+    force: bool = False
+    unseen: tuple[str, ...] | None = None
+    """Parameters (names of tolerances) that stay as they are; None: those that the drives cannot show."""
 
     @property
     def vehicle(self) -> VehicleParameters:
         """The single-track car of the first guess, or the nearest."""
         return self.first.single_track()
 
+    @property
+    def kept(self) -> tuple[str, ...]:
+        """Parameters that stay as they are, once it is known which."""
+        return self.unseen or ()
+
     def without_unseen(self, names: Sequence[str]) -> list[str]:
         """Effects of these names that the drives may show."""
-        return [name for name in names if not ("friction" in self.unseen and CATALOGUE[name].at_the_limit)]
+        return [name for name in names if not ("friction" in self.kept and CATALOGUE[name].at_the_limit)]
 
 
 def stated_in_full(found: PredictionFit, why: list[str], asked: Asked, rows: int) -> Identification:

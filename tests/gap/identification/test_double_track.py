@@ -76,7 +76,7 @@ def test_it_predicts_drives_that_it_was_not_fitted_to_as_the_true_car_does(
 def test_no_single_track_car_predicts_them_so(
     drives: list[Run], seen: list[WindowedRun], found: DoubleTrackFit
 ) -> None:
-    single = identify(drives, VehicleParameters(), known=(), criterion="likelihood")
+    single = identify(drives, VehicleParameters(), known=(), criterion="likelihood", watching=False)
     single_error = forecast_error(errors(seen, single.vehicle.constants(), single.effects))
     assert forecast_error(errors(seen, found[0].constants(), found[1])) < 0.5 * single_error
 

@@ -41,11 +41,6 @@ class Doubts(NamedTuple):
     suspicions: Mapping[str, Suspicion] = {}
 
 
-def column_doubts(columns: Mapping[str, Array], period: float, wheelbase: float | None = None) -> list[str]:
-    """Sentences on what looks wrong in one run, none where all agrees (`recording_doubts`)."""
-    return recording_doubts([columns], period, wheelbase).sentences
-
-
 def recording_doubts(
     runs: Sequence[Mapping[str, Array]], period: float, wheelbase: float | None = None,
     stated: Mapping[str, str] | None = None, derived: Sequence[str] = (),

@@ -91,10 +91,6 @@ def _moved(offset: float) -> Any:
     return lambda line: {**line, "offset": _rounded(line.get("offset", 0.0) + offset)}
 
 
-def _turned(line: dict[str, Any]) -> dict[str, Any]:
-    return {**line, "sign": -line.get("sign", 1.0)}
-
-
 def _rounded(value: float) -> float:
     return float(significant(value, 4))
 

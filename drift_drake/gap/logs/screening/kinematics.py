@@ -8,7 +8,6 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from drift_drake.car.log.table import COLUMNS, Run
 from drift_drake.gap.logs.screening.averaging import Averaging, PerWindow, averaging
 from drift_drake.gap.logs.screening.relations import MOVING, continuous
 
@@ -61,12 +60,6 @@ class Kinematics(PerWindow):
         inside = np.flatnonzero((self.run[2:] == self.run[:-2]) & (self.block[2:] - self.block[:-2] <= 1)) + 1
         out[inside] = values[inside + 1] - values[inside - 1]
         return out
-
-
-def motion_of(runs: Sequence[Run]) -> Kinematics:
-    """Windows through all runs."""
-    return motion_of_columns([{name: run.column(name) for name in COLUMNS} for run in runs],
-                             [run.period for run in runs])  # fmt: skip
 
 
 def motion_of_columns(runs: Sequence[Columns], periods: Sequence[float], slowest: float = MOVING) -> Kinematics:

@@ -36,7 +36,7 @@ from drift_drake.gap.monitoring.windowed.sums import (
 BEHIND = 1.0  # [s] before a window's start that actuators and internal states settle in
 JUMP = 12.0  # scales of the shortest horizon that a reading is off both of its neighbours, to be none
 READ = [CHANNELS.index(name) for name in PREDICTED]
-SPEED, SIDESLIP, RIM, HEADING = (PREDICTED.index(name) for name in ("v", "beta", "omega_r", "psi"))
+SPEED, RIM, HEADING = (PREDICTED.index(name) for name in ("v", "omega_r", "psi"))
 LATCHED = 0.99  # of the alarm's probability of none, that it stays below until the car is as before
 
 

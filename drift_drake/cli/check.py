@@ -59,10 +59,6 @@ class Check:
 def run_check(command: Check) -> None:
     if command.calibration is not None:
         check_file(command.calibration, InvalidOptionError, "write it with 'drift-drake identify --json'")
-        if command.vehicle is None:
-            raise InvalidOptionError("--calibration is of a vehicle file; give --vehicle too")
-    if command.for_calibration and (command.vehicle is None or command.calibration is not None):
-        raise InvalidOptionError("--for-calibration is of a first guess; give --vehicle, and no --calibration")
     if command.vehicle is not None:
         read_car(command.vehicle)
     inputs = [path for path in (command.vehicle, command.calibration, *run_paths(command.logs)) if path is not None]

@@ -270,11 +270,8 @@ class Diagnosis:
     answer: Answer
     problem: Problem
     found: list[tuple[Fit, float]]  # hypotheses with their log evidence, best first
-    posterior: Ranked[Fit]
     fit: Fit  # of the causes; of the leading hypothesis where the verdict is none or unknown
     reduction: Reduction
-    unexplained: Regression  # pulses that the best hypothesis leaves
-    lacking: Regression  # pulses that the car without effects lacks
 
 
 @one_blas_thread()
@@ -329,5 +326,4 @@ def diagnose(
     warnings += judged.warnings(problem)
     answer = judged.answer(problem, case, where, details, warnings, time.perf_counter() - began)
     tell("done", 1.0)
-    posterior = judged.posterior
-    return Diagnosis(answer, problem, found, posterior, posterior.leading, judged.reduction, judged.left[0], lacking)
+    return Diagnosis(answer, problem, found, judged.posterior.leading, judged.reduction)

@@ -21,7 +21,7 @@ class Kinematics(PerWindow):
 
     row: of its run, in its middle; r, v, psi, beta, omega_r, ax, ay, delta_cmd: means. turning, swing, gain, spin,
     rim_gain: rates of `psi`, `beta`, `v`, `r` and `omega_r`; along, across: acceleration in body axes that `v`, `beta`
-    and `r` make; turned, circling, forward, sideways: means of v r, r^2, v cos(beta) and v sin(beta); course: rate of
+    and `r` make; turned, circling, forward: means of v r, r^2 and v cos(beta); course: rate of
     the direction of travel along x, y; heading, yawed: the same of `psi`, and of the angle that `r` turns by, with
     `beta`; moved: speed along x, y; slid: mean of the direction of travel less `psi`.
     """
@@ -47,7 +47,6 @@ class Kinematics(PerWindow):
     turned: np.ndarray
     circling: np.ndarray
     forward: np.ndarray
-    sideways: np.ndarray
     course: np.ndarray
     heading: np.ndarray
     yawed: np.ndarray
@@ -116,7 +115,6 @@ def _of_run(columns: Columns, period: float, index: int, first_block: int, slowe
         turned=mean(v * r),
         circling=mean(r * r),
         forward=mean(forward),
-        sideways=mean(sideways),
         course=change(course),
         heading=change(evened(psi + slip)),
         yawed=change(evened(np.cumsum(r) * period + slip)),

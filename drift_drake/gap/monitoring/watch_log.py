@@ -12,7 +12,7 @@ from drift_drake.car.effects.catalogue import CATALOGUE, LIMITS
 from drift_drake.car.given_vehicle import GivenVehicle, Vehicle, on_one_track, vehicle_given
 from drift_drake.car.log.table import InvalidLogError, Run, read_run
 from drift_drake.common.errors import InvalidOptionError
-from drift_drake.gap.evidence.ranges import REACH, SURE
+from drift_drake.gap.estimation.prior import REACH, SURE
 from drift_drake.gap.monitoring.baselines import Baseline, OfPrediction, baseline_given, calibrated_watcher
 from drift_drake.gap.monitoring.events import SoFar, Watcher
 from drift_drake.gap.monitoring.evidence import FALSE_ALARMS, HAZARD, NONE_OF_THE_CATALOGUE, EvidenceProblem, alarm_at

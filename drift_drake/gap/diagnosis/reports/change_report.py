@@ -14,12 +14,12 @@ from drift_drake.gap.diagnosis.calibrated.changed_car import squares
 from drift_drake.gap.diagnosis.calibrated.diagnose_change import ChangeDiagnosis
 from drift_drake.gap.diagnosis.reports.report import in_doubt, limit_rows
 from drift_drake.gap.estimation.normal import LOST, Normal
+from drift_drake.gap.estimation.prior import REACH
 from drift_drake.gap.estimation.reduction import STATES
 from drift_drake.gap.estimation.robust_fit import MAD
 from drift_drake.gap.estimation.scores import Day
 from drift_drake.gap.estimation.windows import HORIZONS, WindowedRun, regimes
 from drift_drake.gap.evidence.posterior import UNKNOWN
-from drift_drake.gap.evidence.ranges import REACH
 from drift_drake.view.pages.charts import LOW, NORMAL, Line, Panel, reach_of, side_by_side, stacked
 from drift_drake.view.pages.page import GLOSSARY, Source, page_html
 

@@ -25,10 +25,10 @@ from drift_drake.gap.monitoring.windowed.sums import (
     FEATURES,
     LARGEST,
     KnownDriving,
+    Projection,
     familiar_of,
     features,
     no_windows,
-    projection_of,
     sums_of,
 )
 
@@ -104,9 +104,9 @@ def windows_of(monitor: WindowMonitor, run: Run) -> list[WindowedRun]:
 def distances_of(monitor: WindowMonitor, windows: Sequence[WindowedRun]) -> np.ndarray:
     """Squared distances [windows] of a drive's windows from normal, per score, each given those before."""
     p, out = monitor.projection, list[float]()
-    older = no_windows(len(p.names), len(p.nodes))
+    older = no_windows(len(p.normal.names), len(p.nodes))
     for window in windows:
-        one = sums_of(p, window, run_errors(window, p.constants, p.own), monitor.slipping_of(window))
+        one = sums_of(p, window, run_errors(window, p.constants, p.own))
         out.append(distance(monitor.null, older, one))
         older = of_parts(older, one, by=np.add)
     return np.array(out)
@@ -130,8 +130,8 @@ def window_monitor(
     single = vehicle.single_track()
     nodes = [node for name in normal.names for node in effect_nodes(name, single)]
     return WindowMonitor(
-        projection_of(constants, own, normal, nodes), null_of(normal, baseline.cap), baseline.familiar,
+        Projection(constants, own, normal, nodes), null_of(normal, baseline.cap), baseline.familiar,
         evidence_problem(nodes, np.zeros(len(nodes))), np.array([name in baseline.columns for name in PREDICTED]),
-        baseline.period, normal.stride, normal.slipping, slowest(single), alarm_at(false_alarms),
+        baseline.period, slowest(single), alarm_at(false_alarms),
         3600.0 / false_alarms,
     )  # fmt: skip

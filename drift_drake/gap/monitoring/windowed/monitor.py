@@ -6,7 +6,6 @@ from typing import NamedTuple
 import numpy as np
 
 from drift_drake.car.log.plausible import ABSURD
-from drift_drake.gap.estimation.baseline import slipping_in
 from drift_drake.gap.estimation.filter_state import CHANNELS
 from drift_drake.gap.estimation.windows import (
     HORIZONS,
@@ -18,8 +17,8 @@ from drift_drake.gap.estimation.windows import (
     run_errors,
     smoothed,
 )
-from drift_drake.gap.monitoring.events import SIGNALS, SoFar, nothing_seen
-from drift_drake.gap.monitoring.evidence import EvidenceProblem, labels
+from drift_drake.gap.monitoring.events import SIGNALS, SoFar, no_verdict, nothing_seen
+from drift_drake.gap.monitoring.evidence import EvidenceProblem
 from drift_drake.gap.monitoring.history import History, no_history, of_parts, older_than, since, until, with_block
 from drift_drake.gap.monitoring.monitor import FORGETTING, SPIN
 from drift_drake.gap.monitoring.windowed.null import Null, as_before, capped, known_after, verdict_of, whitened_after
@@ -122,8 +121,6 @@ class WindowMonitor:
     problem: EvidenceProblem
     used: np.ndarray  # [PREDICTED] channels that are measured
     period: float  # [s] between rows
-    stride: float  # [s] between horizons
-    slipping: float  # of the baseline, mean
     slowest: float  # [m/s] below which the equations are not judged
     alarm: float  # probability of none below which a change is reported
     least: float  # mean time between false alarms that is asked for [s]
@@ -136,15 +133,19 @@ class WindowMonitor:
     @property
     def labels(self) -> tuple[str, ...]:
         """Names of the posterior's entries: none, the effects, unknown."""
-        return labels(self.problem)
+        return self.problem.labels
 
     def start(self) -> WindowState:
         """Before the first row."""
-        p = np.zeros(len(self.labels) + 4)
-        p[0], p[-4:] = 1.0, np.nan
         n = len(self.problem.nodes)
-        history = no_history(no_windows(len(self.projection.names), n))
-        return WindowState(np.zeros(2), no_rows(self.period, self.stride), history, nothing_seen(n), p)
+        history = no_history(no_windows(len(self.projection.normal.names), n))
+        return WindowState(
+            np.zeros(2),
+            no_rows(self.period, self.projection.normal.stride),
+            history,
+            nothing_seen(n),
+            no_verdict(self.labels),
+        )
 
     def after_row(
         self, state: WindowState, y: np.ndarray, command: np.ndarray, t: float, road: float = 0.0
@@ -164,16 +165,12 @@ class WindowMonitor:
             state.rows, np.where(self.used & ~bad, reading, last[0]), np.where(given, command, last[1]), road,
             bool(bad.any()) or not given,
         )  # fmt: skip
-        waited, window = state.clock[0] + 1.0, None
-        if waited >= rows_between_starts(self.stride, self.period):
-            window = newest_window(rows, self.used, self.period, self.stride, self.projection.scales[0])
+        waited, window, normal = state.clock[0] + 1.0, None, self.projection.normal
+        if waited >= rows_between_starts(normal.stride, self.period):
+            window = newest_window(rows, self.used, self.period, normal.stride, normal.scales[0])
         if window is not None and not self._holds(window):
             window = None
         return state._replace(clock=np.array([0.0 if window else waited, state.clock[1]]), rows=rows), window
-
-    def slipping_of(self, window: WindowedRun) -> float:
-        """How much more the tyres slip along a window than the baseline's did, as a logarithm."""
-        return float(slipping_in([window])[0]) - self.slipping
 
     def _holds(self, window: WindowedRun) -> bool:
         """Whether the equations hold along a window."""
@@ -191,7 +188,7 @@ class WindowMonitor:
             time = np.array([judged, not_judged + self.block, row + self.block, float(why)])
             return state._replace(seen=SoFar(time, state.seen.shown, signals))
         edge = state.clock[1]
-        one = sums_of(self.projection, window, e, self.slipping_of(window))
+        one = sums_of(self.projection, window, e)
         one = capped(self.null, older_than(state.history, edge), one)
         history = with_block(state.history, one, FORGETTING, edge)
         verdict = verdict_of(self.problem, self.null, history)
@@ -207,7 +204,7 @@ class WindowMonitor:
                 p[0] = LATCHED * self.alarm
         elif p[0] < self.alarm:
             edge = verdict.edge
-        values = np.concatenate([p, [verdict.magnitude, verdict.low, verdict.high, t - verdict.age]])
+        values = verdict._replace(probabilities=p).at(t)
         seen = SoFar(np.array([judged + self.block, not_judged, 0.0, 0.0]), shown, signals)
         return WindowState(np.array([0.0, edge]), state.rows, history, seen, values)
 
@@ -223,6 +220,6 @@ class WindowMonitor:
     def judges(self) -> str:
         """See `events.Watcher`."""
         return (
-            f"windows of {5 * self.stride:.2g} s are judged, above {self.slowest:.2g} m/s, below {SPIN:g} rad of "
+            f"windows of {5 * self.projection.normal.stride:.2g} s are judged, above {self.slowest:.2g} m/s, below {SPIN:g} rad of "
             "sideslip and in driving that the calibration had"
         )

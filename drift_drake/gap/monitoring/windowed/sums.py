@@ -11,6 +11,7 @@ import numpy as np
 
 from drift_drake.car.effects.magnitudes import Effects
 from drift_drake.car.equations import CarConstants
+from drift_drake.gap.estimation.baseline import slipping_in
 from drift_drake.gap.estimation.normal import Normal
 from drift_drake.gap.estimation.scores import flat_scores, huber_weights, scaled
 from drift_drake.gap.estimation.unknowns import added
@@ -41,20 +42,12 @@ class Projection(NamedTuple):
 
     constants: CarConstants
     own: Effects
-    names: tuple[str, ...]  # of the effects
-    units: np.ndarray  # [n]
-    nodes: tuple[Node, ...]
-    scales: np.ndarray  # [HORIZONS, channels]
-    precision: np.ndarray  # of errors in scales
+    normal: Normal  # its baseline, on whose effects errors are projected
+    nodes: Sequence[Node]
 
     def errors_with(self, window: WindowedRun, name: str, magnitude: float) -> np.ndarray:
         """Errors [1, HORIZONS, channels] once an effect is added to the car."""
         return run_errors(window, self.constants, added(self.own, {name: magnitude}))
-
-
-def projection_of(constants: CarConstants, own: Effects, normal: Normal, nodes: Sequence[Node]) -> Projection:
-    """The projection on the effects of a baseline."""
-    return Projection(constants, own, normal.names, normal.units, tuple(nodes), normal.scales, normal.precision)
 
 
 def no_windows(n: int, nodes: int) -> WindowSums:
@@ -62,15 +55,18 @@ def no_windows(n: int, nodes: int) -> WindowSums:
     return WindowSums(np.zeros(()), np.zeros(()), np.zeros(n), np.zeros((n, n)), np.zeros((n, nodes)))
 
 
-def sums_of(projection: Projection, window: WindowedRun, e: np.ndarray, slipping: float) -> WindowSums:
+def sums_of(projection: Projection, window: WindowedRun, e: np.ndarray) -> WindowSums:
     """The sums of one window with errors e [1, HORIZONS, channels] under the calibrated car."""
-    p, precision = projection, projection.precision
-    moved = [p.errors_with(window, name, float(unit)) - e for name, unit in zip(p.names, p.units, strict=True)]
-    jacobian = np.stack([scaled(one, p.scales)[0] for one in moved], axis=-1)
-    projected, f = jacobian.T @ precision, flat_scores(e, p.scales)[0]
-    there = [flat_scores(p.errors_with(window, node.name, node.magnitude), p.scales)[0] for node in p.nodes]
-    weights = np.broadcast_to(huber_weights(e, p.scales), e.shape).reshape(-1)
+    p, normal = projection, projection.normal
+    precision, scales = normal.precision, normal.scales
+    units = zip(normal.names, normal.units, strict=True)
+    moved = [p.errors_with(window, name, float(unit)) - e for name, unit in units]
+    jacobian = np.stack([scaled(one, scales)[0] for one in moved], axis=-1)
+    projected, f = jacobian.T @ precision, flat_scores(e, scales)[0]
+    there = [flat_scores(p.errors_with(window, node.name, node.magnitude), scales)[0] for node in p.nodes]
+    weights = np.broadcast_to(huber_weights(e, scales), e.shape).reshape(-1)
     half = np.sqrt(weights)[:, None] * jacobian
+    slipping = float(slipping_in([window])[0]) - normal.slipping
     return WindowSums(np.ones(()), np.asarray(slipping), projected @ f, half.T @ precision @ half,
                       projected @ (np.stack(there, axis=-1) - f[:, None]))  # fmt: skip
 

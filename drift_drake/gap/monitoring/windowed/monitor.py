@@ -220,6 +220,6 @@ class WindowMonitor:
     def judges(self) -> str:
         """See `events.Watcher`."""
         return (
-            f"windows of {5 * self.projection.normal.stride:.2g} s are judged, above {self.slowest:.2g} m/s, below {SPIN:g} rad of "
-            "sideslip and in driving that the calibration had"
+            f"windows of {5 * self.projection.normal.stride:.2g} s are judged, above {self.slowest:.2g} m/s, below "
+            f"{SPIN:g} rad of sideslip and in driving that the calibration had"
         )

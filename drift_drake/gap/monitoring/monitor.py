@@ -37,9 +37,8 @@ SETTLING = 0.35  # [s] after the first row that do not count: commands before it
 CLIPPED = 8.0  # root of squares at which a row's innovations are clipped (Huber)
 PROCESS_SCALE = 3.0  # of the process noise of `estimation`: a filter that forgets sooner sees a change sooner
 FORGETTING = 0.8  # of what came before, each time that 6.4 s join it
-TOLERANCES = TOLERANCE_OF | {
-    "wheel_radius_error": "wheel_radius"
-}  # the rim speed is logged with the radius that the file states
+# The rim speed is logged with the radius that the file states.
+TOLERANCES = TOLERANCE_OF | {"wheel_radius_error": "wheel_radius"}
 SPIN = 1.2  # [rad]
 
 

@@ -137,15 +137,9 @@ class WindowMonitor:
 
     def start(self) -> WindowState:
         """Before the first row."""
-        n = len(self.problem.nodes)
-        history = no_history(no_windows(len(self.projection.normal.names), n))
-        return WindowState(
-            np.zeros(2),
-            no_rows(self.period, self.projection.normal.stride),
-            history,
-            nothing_seen(n),
-            no_verdict(self.labels),
-        )
+        n, normal = len(self.problem.nodes), self.projection.normal
+        history, rows = no_history(no_windows(len(normal.names), n)), no_rows(self.period, normal.stride)
+        return WindowState(np.zeros(2), rows, history, nothing_seen(n), no_verdict(self.labels))
 
     def after_row(
         self, state: WindowState, y: np.ndarray, command: np.ndarray, t: float, road: float = 0.0

@@ -26,8 +26,6 @@ APART = 1.05  # ratio of two clocks' steps in the same rows, from which these ar
 TOGETHER = 0.9  # share of two columns' readings that stand in the same rows, where one clock serves both
 FASTEST, SLOWEST = 5e3, 0.5  # [Hz] of a recorder's rows
 UNITS = {1.0: "s", 1e-3: "ms", 1e-6: "us", 1e-9: "ns"}
-COARSEST = 2.0  # [s] between packed times that a jump of 40 can be distinguished from
-MINUTE, HOUR = 40.0, 4000.0  # that packed times jump by, in addition to the time that passed: hhmmss.ss
 
 
 def own_name(topic: Topic, column: str) -> str:
@@ -190,7 +188,7 @@ def clock_doubts(column: str, t: Array, unit: str) -> list[str]:
     steps = steps[steps > 0.0]
     if size is None or not len(steps):
         return []
-    return _another_power(column, float(np.median(steps)), unit, size) or _packed(column, t / size, steps / size)
+    return _another_power(column, float(np.median(steps)), unit, size) or packed_doubts(column, t / size)
 
 
 def _another_power(column: str, step: float, unit: str, size: float) -> list[str]:
@@ -207,20 +205,12 @@ def _another_power(column: str, step: float, unit: str, size: float) -> list[str
     ]
 
 
-def _packed(column: str, numbers: Array, steps: Array) -> list[str]:
-    """Of times written as hhmmss.ss: they jump from 59 to 100, and their last two digits never pass 59."""
-    usual = float(np.median(steps))
-    if usual > COARSEST:
-        return []
-    jumps = np.flatnonzero(np.abs(np.diff(numbers) - MINUTE) < 2.0 * usual + 1e-3)
-    jumps = np.concatenate([jumps, np.flatnonzero(np.abs(np.diff(numbers) - MINUTE - HOUR) < 2.0 * usual + 1e-3)])
-    seconds = numbers % 100.0
-    if not len(jumps) or np.any(seconds >= 60.0):
-        return []
-    before, after = seconds[jumps], seconds[jumps + 1]
-    if np.any(before < 60.0 - 3.0 * usual) or np.any(after > 3.0 * usual):
+def packed_doubts(column: str, numbers: Array) -> list[str]:
+    """Sentences on a clock [n] as it stands in the file, if its digits are packed: it jumps from 59 to 100."""
+    unit = packed_unit(numbers)
+    if unit is None:
         return []
     return [
         f"the clock '{column}' jumps by 40 each time that its last two digits pass 59: it looks like hours, minutes "
-        "and seconds in one number (hhmmss.ss), which breaks a run at each minute; give its unit as hhmmss"
+        f"and seconds in one number, which breaks a run at each minute; give its unit as {unit}"
     ]

@@ -179,7 +179,8 @@ def pieces_of(
               for name, (stretch, columns, reverses) in zip(names, parts, strict=True)]  # fmt: skip
     kept_back = any(piece.reverses for piece in pieces)
     reversed_ = reversing_sentence(np.concatenate(times), spans(np.concatenate(back)), kept_back)
-    return pieces, offsets, [*doubted, *recording.remarks, *wrong, *_slow_columns(recording), *reversed_]
+    said = dict.fromkeys([*doubted, *recording.remarks, *wrong, *_slow_columns(recording), *reversed_])
+    return pieces, offsets, list(said)
 
 
 def _rows(

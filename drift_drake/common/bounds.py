@@ -22,6 +22,14 @@ ODD = 0.3  # share of letters beyond ASCII in a text that is not UTF-8
 UTF_16 = (b"\xff\xfe", b"\xfe\xff")
 GZIP, PARQUET, HDF5, ZIP, BZIP2, XZ = b"\x1f\x8b", b"PAR1", b"\x89HDF\r\n\x1a\n", b"PK\x03\x04", b"BZh", b"\xfd7zXZ"
 STREAMS: dict[bytes, Callable[[Path], IO[bytes]]] = {GZIP: gzip.open, BZIP2: bz2.open, XZ: lzma.open}  # type: ignore[dict-item]
+PACKINGS = {GZIP: "gzip", BZIP2: "bz2", XZ: "xz"}  # as pandas names them
+
+
+def packing(path: Path) -> bytes:
+    """The first bytes that say how a file is packed, whatever it is called; none where it is not."""
+    with path.open("rb") as file:
+        first = file.read(max(map(len, STREAMS)))
+    return next((magic for magic in STREAMS if first.startswith(magic)), b"")
 
 
 def is_small_text(path: Path) -> bool:

@@ -30,7 +30,8 @@ DIMENSIONS = {  # of a quantity: its SI unit, and the factors to it
     ),
     "acceleration": (
         "m/s^2",
-        {"m/s^2": 1.0, "cm/s^2": 1e-2, "mm/s^2": 1e-3, "g": 9.80665, "mg": 9.80665e-3, "ft/s^2": 0.3048},
+        {"m/s^2": 1.0, "cm/s^2": 1e-2, "mm/s^2": 1e-3, "g": 9.80665, "mg": 9.80665e-3, "ft/s^2": 0.3048,
+         "Gal": 1e-2},
     ),
     "torque": ("N m", {"N m": 1.0, "kN m": 1e3, "lb ft": 1.3558179, "lb in": 0.1129848, "kgf m": 9.80665}),
     "force": ("N", {"N": 1.0, "kN": 1e3, "lbf": 4.4482216, "kgf": 9.80665}),
@@ -73,6 +74,7 @@ WORDS = {  # of a unit of the table, or of a factor in products: further spellin
     "g": "gs g's gee gees gn g0 g-force",
     "mg": "milli-g millig",
     "ft/s^2": "fps2 ft/s/s",
+    "Gal": "gal galileo",
     "N m": "nm newtonmeter newtonmeters newtonmetre newtonmetres nmeter",
     "kN m": "knm",
     "lb ft": "lbft ftlb ftlbs lbfft ftlbf lbsft poundfoot poundfeet footpounds footpound",

@@ -12,6 +12,7 @@ from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 
 from drift_drake.common.safe_files import write_figure
+from drift_drake.view.colours import CARS, INK, RUNS
 
 Arguments = ParamSpec("Arguments")
 
@@ -19,21 +20,10 @@ RESOLUTION = 200  # [dots per inch] of pixel pictures
 DEGREES = 57.29577951308232  # [deg / rad]
 KMH = 3.6  # [(km/h) / (m/s)]
 
-INK = "#222222"
-REFERENCE = "#777777"
 BOUND = "#A03020"
 LANE = "#ECECEA"
 TRANSITION = "#E3E3E0"
 
-# Okabe and Ito's colours, which the colour-blind tell apart, in an order that greys tell apart too.
-RUNS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#000000")
-
-CARS = {
-    "real": INK, "measured": INK, "nominal": RUNS[1], "calibrated": RUNS[1], "corrected": RUNS[0],
-    "nominal car": RUNS[1], "prior": REFERENCE, "Once-OCP": RUNS[3], "Once-Info": RUNS[5], "Twice-Info": RUNS[0],
-    "online": RUNS[4], "oracle": RUNS[2],
-}  # fmt: skip
-"""The car of that name has this colour in every picture, page and replay."""
 SIDES = LinearSegmentedColormap.from_list("sides", ["#C44E00", "#E69F00", "#4D4D4D", "#56B4E9", "#005A8E"])
 """From right to left (sideslip): dark in the middle, so that it shows on a light lane."""
 RC: dict[str, Any] = {

@@ -29,7 +29,8 @@ from drift_drake.drive.learnt.bayesian_step import PathStep
 from drift_drake.drive.learnt.checkpoint import load_model, paper_checkpoint
 from drift_drake.drive.loop.closed_loop import ControlConfig
 from drift_drake.drive.manoeuvres.vehicles import Population
-from drift_drake.view.style import BOUND, INK, RUNS, new_figure, styled
+from drift_drake.view.colours import INK, RUNS
+from drift_drake.view.style import BOUND, new_figure, styled
 from experiments.drifting.report import LABELS, completion_table, differences_table, pair_of, summarise
 from experiments.drifting.runs import (
     BELIEFS,

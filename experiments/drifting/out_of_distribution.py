@@ -38,7 +38,8 @@ from drift_drake.drive.loop.closed_loop import ClosedLoop, ControlConfig
 from drift_drake.drive.loop.faults import Change
 from drift_drake.drive.loop.metrics import before_spin
 from drift_drake.drive.manoeuvres.vehicles import Population, draw_effects
-from drift_drake.view.style import BOUND, INK, new_figure, styled
+from drift_drake.view.colours import INK
+from drift_drake.view.style import BOUND, new_figure, styled
 from experiments.benchmarks.intervals import binomial
 from experiments.drifting.runs import DriftConfig, open_folder, reference
 from experiments.made import write_report

@@ -33,7 +33,8 @@ from drift_drake.drive.loop.closed_loop import ClosedLoop
 from drift_drake.drive.reference.trajectory import figure_8
 from drift_drake.gap.diagnosis.answers.apply import corrected_vehicle
 from drift_drake.gap.diagnosis.likelihood.diagnose import diagnose
-from drift_drake.view.style import REFERENCE, RUNS, new_figure, save, styled
+from drift_drake.view.colours import REFERENCE, RUNS
+from drift_drake.view.style import new_figure, save, styled
 from experiments.benchmarks.drake_cases import drake_case
 from experiments.benchmarks.intervals import bootstrap
 from experiments.benchmarks.truths import Truth, drawn_truth, true_car

@@ -12,7 +12,8 @@ from matplotlib.patches import Rectangle
 
 from drift_drake.car.effects.catalogue import CATALOGUE
 from drift_drake.gap.evidence.posterior import NONE, UNKNOWN
-from drift_drake.view.style import REFERENCE, RUNS, new_figure, save, styled
+from drift_drake.view.colours import REFERENCE, RUNS
+from drift_drake.view.style import new_figure, save, styled
 from experiments.benchmarks.scores import TIERS, UNKNOWNS, Pair, reliability, said, true_name
 
 OUTCOMES = ("right", "one of two", "right and more", "other effect", NONE, UNKNOWN)

@@ -32,7 +32,8 @@ from drift_drake.gap.diagnosis.likelihood.beliefs import Belief, Sensing
 from drift_drake.gap.diagnosis.likelihood.diagnose import diagnose
 from drift_drake.gap.evidence.posterior import UNKNOWN
 from drift_drake.gap.next_drive.plan import NextDriveConfig, plan_from_answer, solved_plans
-from drift_drake.view.style import INK, RUNS, new_figure, save, styled
+from drift_drake.view.colours import INK, RUNS
+from drift_drake.view.style import new_figure, save, styled
 from experiments.benchmarks.drake_cases import drive
 from experiments.benchmarks.drivers import PERIOD, STEERING_RATE, TORQUE_RATE, slewed
 from experiments.benchmarks.truths import drawn_truth

@@ -29,7 +29,8 @@ from drift_drake.drive.gathering.config import Recipe
 from drift_drake.drive.learnt.checkpoint import BayesianModel, load_model
 from drift_drake.drive.manoeuvres.vehicles import EXTREME, Population, draw_effects
 from drift_drake.gap.choose.choice import REFUSED, Choice, Familiar, Findings
-from drift_drake.view.style import BOUND, INK, RUNS, new_figure, styled
+from drift_drake.view.colours import INK, RUNS
+from drift_drake.view.style import BOUND, new_figure, styled
 from experiments.gathering.beliefs import gather_all
 from experiments.gathering.familiar import SURPRISED, familiar_from, keep_usual
 from experiments.made import write_report

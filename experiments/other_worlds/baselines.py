@@ -22,7 +22,8 @@ from drift_drake.car.log.table import run_paths
 from drift_drake.common.run_folder import make_run_folder, write_json, write_versions
 from drift_drake.common.safe_files import write_text
 from drift_drake.gap.identification.options import Criterion
-from drift_drake.view.style import REFERENCE, RUNS, legend_above, new_figure, save, styled
+from drift_drake.view.colours import REFERENCE, RUNS
+from drift_drake.view.style import legend_above, new_figure, save, styled
 from experiments.made import made
 from experiments.other_worlds.jobs import Calibrate
 from experiments.other_worlds.road import DAY_ONE, InvalidWorldError, Road, answered, score, worlds_by_name

@@ -9,7 +9,8 @@ from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch, Rectangle
 
-from drift_drake.view.style import REFERENCE, RUNS, new_figure, styled
+from drift_drake.view.colours import REFERENCE, RUNS
+from drift_drake.view.style import new_figure, styled
 from experiments.other_worlds.scoring import Row, ordered
 
 OUTCOMES = {"right": RUNS[2], "in the ambiguity set": RUNS[5], "wrong": RUNS[1]}

@@ -22,7 +22,8 @@ from diagrams.command import run_command
 from drift_drake.common.errors import DriftDrakeError
 from drift_drake.common.safe_files import write_table
 from drift_drake.gap.evidence.posterior import NONE, UNKNOWN
-from drift_drake.view.style import REFERENCE, RUNS, new_figure, save
+from drift_drake.view.colours import REFERENCE, RUNS
+from drift_drake.view.style import new_figure, save
 from experiments.benchmarks.intervals import binomial
 from experiments.other_worlds.road import rows_of
 from experiments.other_worlds.scoring import TOO, Row

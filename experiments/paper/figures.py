@@ -20,9 +20,10 @@ from drift_drake.drive.learnt.quality import learn
 from drift_drake.drive.learnt.samples import Samples
 from drift_drake.drive.manoeuvres.vehicles import draw_effects
 from drift_drake.drive.mpc.plan import DT
+from drift_drake.view.colours import REFERENCE, RUNS
 from drift_drake.view.pictures.overhead import overhead
 from drift_drake.view.pictures.time_series import time_series
-from drift_drake.view.style import REFERENCE, RUNS, new_figure, styled
+from drift_drake.view.style import new_figure, styled
 from experiments.drifting.ablations import driven_samples
 from experiments.drifting.report import completed_of, pictured_models, pictured_vehicle
 from experiments.drifting.runs import run_name

@@ -9,8 +9,9 @@ from matplotlib.patheffects import withStroke
 
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.common.arrays import Array
+from drift_drake.view.colours import INK, REFERENCE
 from drift_drake.view.pictures.car_shape import CarShape, placed, turned
-from drift_drake.view.style import INK, LANE, REFERENCE
+from drift_drake.view.style import LANE
 from experiments.pictures.look import BLUE, GREEN, HEAD, ORANGE, PINK, PLAIN, SMALL, WIDTH, arrow, canvas, for_pages
 
 HEIGHT = 6.7  # [in]

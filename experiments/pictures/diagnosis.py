@@ -23,7 +23,8 @@ from drift_drake.gap.diagnosis.answers.answer import Answer
 from drift_drake.gap.diagnosis.answers.apply import corrected_vehicle
 from drift_drake.gap.diagnosis.diagnose import diagnose
 from drift_drake.gap.estimation.windows import STATES, run_errors, windowed
-from drift_drake.view.style import CARS, DEGREES, INK, KMH, new_figure, save
+from drift_drake.view.colours import CARS, INK
+from drift_drake.view.style import DEGREES, KMH, new_figure, save
 from experiments.benchmarks.compiled_cases import make_case
 from experiments.benchmarks.truths import Truth
 from experiments.pictures.look import BLUE, HEAD, WIDTH, for_pages

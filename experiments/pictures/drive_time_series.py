@@ -13,7 +13,8 @@ from drift_drake.drive.learnt.quality import step_model
 from drift_drake.drive.loop.closed_loop import ClosedLoop
 from drift_drake.drive.loop.endings import RunLimits
 from drift_drake.drive.reference.trajectory import Reference, figure_8
-from drift_drake.view.style import BOUND, DEGREES, INK, KMH, TRANSITION, new_figure
+from drift_drake.view.colours import INK
+from drift_drake.view.style import BOUND, DEGREES, KMH, TRANSITION, new_figure
 from experiments.pictures.look import BLUE, WIDTH, for_pages
 
 HEIGHT = 6.4  # [in]

@@ -11,7 +11,7 @@ from drift_drake.car.effects.catalogue import CATALOGUE
 from drift_drake.car.effects.catalogue.actuators import ACTUATORS
 from drift_drake.car.effects.catalogue.body import BODY
 from drift_drake.car.effects.catalogue.tyres import TYRES
-from drift_drake.view.style import INK
+from drift_drake.view.colours import INK
 from experiments.pictures.look import BLUE, GREEN, ORANGE, PINK, SMALL, WIDTH, YELLOW, arrow, box, canvas, for_pages
 
 PLACES = {  # in the loop's order: title, and the colour of the box

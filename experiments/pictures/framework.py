@@ -4,7 +4,7 @@ from typing import Any
 
 from matplotlib.figure import Figure
 
-from drift_drake.view.style import INK
+from drift_drake.view.colours import INK
 from experiments.pictures.look import BLUE, GREEN, ORANGE, PINK, SMALL, WIDTH, YELLOW, arrow, box, canvas, for_pages
 
 CHAIN = (  # what is done, by what, what is handed on, the colour of the box

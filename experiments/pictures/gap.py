@@ -13,7 +13,8 @@ from drift_drake.car.parameters import VehicleParameters
 from drift_drake.common.arrays import Array
 from drift_drake.common.errors import significant
 from drift_drake.gap.estimation.windows import WindowedRun, run_errors, windowed
-from drift_drake.view.style import CARS, DEGREES, new_figure
+from drift_drake.view.colours import CARS
+from drift_drake.view.style import DEGREES, new_figure
 from experiments.benchmarks.compiled_cases import make_case
 from experiments.benchmarks.truths import Truth
 from experiments.pictures.look import PINK, WIDTH, for_pages

@@ -5,7 +5,7 @@ from pathlib import Path
 from matplotlib.figure import Figure
 
 import drift_drake
-from drift_drake.view.style import INK
+from drift_drake.view.colours import INK
 from experiments.pictures.effects_map import columns
 from experiments.pictures.look import (
     BLUE,

@@ -11,7 +11,8 @@ import matplotlib
 from matplotlib.figure import Figure
 from matplotlib.patches import FancyBboxPatch
 
-from drift_drake.view.style import INK, RC, RUNS, new_figure
+from drift_drake.view.colours import INK, RUNS
+from drift_drake.view.style import RC, new_figure
 
 Arguments = ParamSpec("Arguments")
 

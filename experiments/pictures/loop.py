@@ -4,7 +4,7 @@ from typing import Any
 
 from matplotlib.figure import Figure
 
-from drift_drake.view.style import INK
+from drift_drake.view.colours import INK
 from experiments.pictures.look import BLUE, GREEN, ORANGE, PINK, SMALL, WIDTH, YELLOW, arrow, box, canvas, for_pages
 
 CHAIN = (  # system, what it does, the port to the next, the colour of the box

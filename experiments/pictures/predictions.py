@@ -14,7 +14,8 @@ from drift_drake.drive.learnt.command_lag import lagged_commands
 from drift_drake.drive.learnt.posterior import Posterior
 from drift_drake.drive.learnt.quality import learn, predicted_windows, step_model
 from drift_drake.drive.learnt.samples import samples_from_log
-from drift_drake.view.style import CARS, DEGREES, INK, TRANSITION, new_figure
+from drift_drake.view.colours import CARS, INK
+from drift_drake.view.style import DEGREES, TRANSITION, new_figure
 from experiments.pictures.look import WIDTH, for_pages
 
 HEIGHT = 5.6  # [in]

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from drift_drake.view.style import INK
+from drift_drake.view.colours import INK
 from experiments.pictures.look import BLUE, ORANGE, PLAIN, SMALL, WIDTH, arrow, box, canvas, for_pages
 
 HEIGHT = 5.75  # [in]

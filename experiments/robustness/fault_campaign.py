@@ -33,7 +33,8 @@ from drift_drake.drive.loop.closed_loop import ClosedLoop, ControlConfig
 from drift_drake.drive.loop.faults import parse_fault
 from drift_drake.drive.manoeuvres.vehicles import draw_effects
 from drift_drake.drive.reference.trajectory import Reference, figure_8
-from drift_drake.view.style import RUNS, new_figure, save, styled
+from drift_drake.view.colours import RUNS
+from drift_drake.view.style import new_figure, save, styled
 from experiments.benchmarks.intervals import binomial
 from experiments.made import write_report
 from experiments.settings import keep_settings

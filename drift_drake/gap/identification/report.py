@@ -10,9 +10,9 @@ from drift_drake.car.effects.catalogue import CATALOGUE
 from drift_drake.car.log.table import UNITS
 from drift_drake.gap.identification.calibration import Identification, Parameter, grouped
 from drift_drake.gap.identification.held_out import HeldOut
+from drift_drake.view.colours import CARS
 from drift_drake.view.pages.charts import NORMAL, Line, Panel, finished, heat_map, side_by_side
 from drift_drake.view.pages.page import Source, page_html
-from drift_drake.view.style import CARS
 
 TEMPLATE = Path(__file__).parent / "report.html"
 WORDS = ("95 % interval", "innovation", "held out", "calibrated car", "sideslip (beta)", "yaw rate (r)", "omega_r")

@@ -10,7 +10,7 @@ from markupsafe import Markup
 from plotly.subplots import make_subplots
 
 from drift_drake.common.errors import significant
-from drift_drake.view.style import CARS, INK, REFERENCE
+from drift_drake.view.colours import CARS, INK, REFERENCE
 
 Array = np.ndarray
 

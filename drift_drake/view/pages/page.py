@@ -13,8 +13,8 @@ from markupsafe import Markup
 from plotly.offline import get_plotlyjs
 
 from drift_drake.common.errors import significant
+from drift_drake.view.colours import CARS
 from drift_drake.view.pages.policy import with_policy
-from drift_drake.view.style import CARS
 
 PACKAGES = ("drift_drake", "drake", "numpy", "scipy", "numba")
 GLOSSARY = {

@@ -15,7 +15,8 @@ from pydrake.systems.framework import Diagram, InputPortIndex, OutputPortIndex, 
 
 from drift_drake.common.errors import MissingExtraError
 from drift_drake.common.safe_files import replacing
-from drift_drake.view.style import INK, RESOLUTION, RUNS
+from drift_drake.view.colours import INK, RUNS
+from drift_drake.view.style import RESOLUTION
 
 Port = tuple[str, int]  # (key of a block, index of a port)
 LOGGER = "VectorLogSink"

@@ -16,20 +16,9 @@ from matplotlib.lines import Line2D
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.common.arrays import Array
 from drift_drake.drive.reference.trajectory import Reference
+from drift_drake.view.colours import INK, REFERENCE, RUNS
 from drift_drake.view.pictures.car_shape import CarShape, placed
-from drift_drake.view.style import (
-    BOUND,
-    DEGREES,
-    INK,
-    LANE,
-    REFERENCE,
-    RUNS,
-    SIDES,
-    check_runs,
-    colours_of,
-    new_figure,
-    styled,
-)
+from drift_drake.view.style import BOUND, DEGREES, LANE, SIDES, check_runs, colours_of, new_figure, styled
 
 COLUMNS = ("t", "x", "y", "psi", "v", "beta", "delta")
 WIDTH = 7.5  # [in]

@@ -13,13 +13,11 @@ from numpy.typing import NDArray
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.common.arrays import Array
 from drift_drake.drive.reference.trajectory import Reference
+from drift_drake.view.colours import INK, REFERENCE, RUNS
 from drift_drake.view.style import (
     BOUND,
     DEGREES,
-    INK,
     KMH,
-    REFERENCE,
-    RUNS,
     TRANSITION,
     check_columns,
     check_runs,

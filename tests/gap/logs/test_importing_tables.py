@@ -1,6 +1,9 @@
 """Text tables of every dialect, unit and clock: a look maps them, and the drive comes back."""
 
+import bz2
+import gzip
 import itertools
+import lzma
 
 import numpy as np
 import pytest
@@ -23,7 +26,7 @@ SIGNALS = ("r", "v", "ay", "delta_cmd")
 UNITS = {
     "r": ("rad/s", "deg/s", "°/s", "DEG/S", "deg s-1", "mrad/s", "Grad/s"),
     "v": ("m/s", "km/h", "KM/H", "kmph", "KPH", "MPH", "miles/h", "knots", "kts", "ft/s", "cm/s", "m.s-1"),
-    "ay": ("m/s^2", "m/s²", "g", "G", "ft/s2", "m/s/s"),
+    "ay": ("m/s^2", "m/s²", "g", "G", "Gal", "ft/s2", "m/s/s"),
     "delta_cmd": ("rad", "deg", "°", "Degrees", "mrad"),
 }
 NAMES = {
@@ -139,6 +142,14 @@ def test_odd_tables(tmp_path, kind):
             text = "# " + table({name.replace(" [", "["): values for name, values in cells.items()}, " ")
     (tmp_path / "drive.csv").write_text(text)
     assert_the_drive(tmp_path / "drive.csv")
+
+
+@pytest.mark.parametrize("packed", [gzip, bz2, lzma])
+@pytest.mark.parametrize("separator", [",", ";"])
+def test_a_packed_table_by_another_name(tmp_path, packed, separator):
+    text = table(columns(NAMES["short"], ("deg/s", "km/h", "g", "deg")), separator=separator)
+    (tmp_path / "a.csv").write_bytes(packed.compress(text.encode()))
+    assert_the_drive(tmp_path / "a.csv")
 
 
 def test_a_table_without_a_header_numbers_its_columns(tmp_path):

@@ -20,6 +20,7 @@ SPELLINGS = {
     "rpm": "rpm RPM 1/min U/min tr/min rev/min min-1",
     "m/s^2": "m/s^2 m/s² m/s2 M/S2 m.s-2 m·s⁻² m/s/s m/sec^2 m/s**2 mps2",
     "g": "g G gees",
+    "Gal": "Gal gal",
     "N m": "Nm NM N.m N·m N*m N-m newton-meters",
     "lb ft": "lb-ft ft-lb lbft ft.lbs lbf·ft ft-lbf",
     "deg": "deg DEG Deg ° degrees Grad",

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from matplotlib.colors import to_rgb
 
+from drift_drake.view.colours import RUNS
 from drift_drake.view.pictures.still import looking_at, still
-from drift_drake.view.style import RUNS
 
 OPENGL = any(ctypes.util.find_library(name) for name in ("EGL", "GL"))
 

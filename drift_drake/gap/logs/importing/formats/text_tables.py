@@ -1,10 +1,8 @@
 """CSV and other text tables, as spreadsheets and race loggers write them (`layout`), to one topic."""
 
-import bz2
-import gzip
-import lzma
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +10,7 @@ import numpy as np
 import pandas as pd
 from pandas.api.types import is_numeric_dtype
 
+from drift_drake.common.bounds import PACKINGS, STREAMS, packing
 from drift_drake.gap.logs.importing.formats.layout import BLANKS, DECIMAL_COMMA, HEAD, OTHERWISE, Layout, layout_of
 from drift_drake.gap.logs.importing.formats.long_tables import as_wide
 from drift_drake.gap.logs.importing.formats.times import with_times
@@ -22,7 +21,6 @@ OF_FRAMES = (
     r"dlc|len(gth)?",
     r"data( ?bytes)?( \(hex\))?|(data ?|d|b|byte ?)[01]",
 )  # columns
-PACKERS: dict[str, Callable[[Path], Any]] = {".gz": gzip.open, ".bz2": bz2.open, ".xz": lzma.open}
 BLANK = ["-", "--", "---", "n.a.", "n.v.", "k.A.", "SNA", "INVALID", "Invalid", "invalid", "*", "?", "nil", "No Data",
          "NoData", "#VALUE!", "#DIV/0!", "#REF!", "#NUM!", "[]"]  # fmt: skip
 """What stands where no reading is, besides what pandas knows."""
@@ -31,25 +29,28 @@ FEW = 0.5  # share of a column's texts that are numbers with a comma, from which
 
 def read_csv(path: Path) -> list[Topic]:
     """The table of a text file; ValueError or OSError where it is none."""
-    with PACKERS.get(path.suffix.lower(), _plain)(path) as stream:
+    magic = packing(path)
+    packed = PACKINGS.get(magic)
+    with STREAMS[magic](path) if magic else path.open("rb") as stream:
         head = stream.read(HEAD + 1)
     layout = layout_of(head[:HEAD], len(head) <= HEAD)
     if not layout.plain:
         try:
-            return [_read(path, layout)]
+            return [_read(path, layout, packed)]
         except UnicodeDecodeError:  # of an umlaut below the first lines
-            return [_read(path, Layout(**{**vars(layout), "encoding": OTHERWISE}))]
+            return [_read(path, Layout(**{**vars(layout), "encoding": OTHERWISE}), packed)]
     try:
-        table = pd.read_csv(path, low_memory=False, na_values=BLANK)
-        header = pd.read_csv(path, header=None, nrows=1, dtype=str, keep_default_na=False).iloc[0]
+        return [_read_plain(path, packed, "utf-8")]
     except UnicodeDecodeError:
-        table = pd.read_csv(path, low_memory=False, na_values=BLANK, encoding=OTHERWISE)
-        header = pd.read_csv(path, header=None, nrows=1, dtype=str, keep_default_na=False, encoding=OTHERWISE).iloc[0]
-    return [topic_of_table(table, [str(name).strip() for name in header])]
+        return [_read_plain(path, packed, OTHERWISE)]
 
 
-def _plain(path: Path) -> Any:
-    return path.open("rb")
+def _read_plain(path: Path, packed: str | None, encoding: str) -> Topic:
+    """A table as pandas takes it by itself."""
+    read: Any = partial(pd.read_csv, path, compression=packed, encoding=encoding)
+    table = read(low_memory=False, na_values=BLANK)
+    header = read(header=None, nrows=1, dtype=str, keep_default_na=False).iloc[0]
+    return topic_of_table(table, [str(name).strip() for name in header])
 
 
 def topic_of_table(table: pd.DataFrame, names: Sequence[str], units: Sequence[str] = (), first_line: int = 2) -> Topic:
@@ -69,13 +70,13 @@ def topic_of_table(table: pd.DataFrame, names: Sequence[str], units: Sequence[st
     return Topic("", table, stated | dict.fromkeys(times, "s"), first_line)
 
 
-def _read(path: Path, layout: Layout) -> Topic:
+def _read(path: Path, layout: Layout, packed: str | None) -> Topic:
     """A table that is not as pandas takes it by itself."""
     width = len(layout.names)
     options: dict[str, Any] = {
         "sep": layout.separator, "encoding": layout.encoding, "header": None, "names": range(width), "index_col": False,
         "skiprows": layout.start, "comment": layout.comment, "skipinitialspace": True, "low_memory": False,
-        "na_values": BLANK,
+        "na_values": BLANK, "compression": packed,
     }  # fmt: skip
     if layout.separator == BLANKS:
         options.pop("skipinitialspace")

@@ -6,7 +6,8 @@ from typing import NamedTuple
 import numpy as np
 
 from drift_drake.common.arrays import Array
-from drift_drake.gap.logs.screening.kinematics import Columns, Kinematics, motion_of_columns
+from drift_drake.gap.logs.screening.averaging import Columns
+from drift_drake.gap.logs.screening.kinematics import Kinematics, motion_of_columns
 
 LIVELIEST = 0.1  # [rad/s] yaw rate from which the steering ratio can be read off
 GENTLE = 3.0  # [m/s^2] of v r up to which a car goes where it steers

@@ -7,8 +7,9 @@ import numpy as np
 from drift_drake.car.log.plausible import LARGEST
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.gap.logs.clock_offset import estimate_offset
+from drift_drake.gap.logs.screening.averaging import Columns
 from drift_drake.gap.logs.screening.gains import gain
-from drift_drake.gap.logs.screening.kinematics import Columns, Kinematics
+from drift_drake.gap.logs.screening.kinematics import Kinematics
 from drift_drake.gap.logs.screening.relations import GRIP
 from drift_drake.gap.logs.screening.suspicions import Suspicion
 

@@ -123,27 +123,6 @@ class Judged:
             "beliefs": beliefs_as_data(problem, self.hypotheses, self.posterior.probabilities, names, calibration),
         }
 
-    def answer(
-        self, problem: Problem, case: str, where: dict[str, Any], details: dict[str, Any], warnings: list[str],
-        seconds: float,
-    ) -> Answer:  # fmt: skip
-        """What is said of the case."""
-        posterior, tolerances = self.posterior, self.posterior.leading.theta[:TOLERANCES]
-        return Answer(
-            case=case,
-            verdict=posterior.verdict,
-            causes=list(posterior.causes),
-            posterior=posterior.probabilities,
-            ambiguity=posterior.ambiguity,
-            magnitudes=self.magnitudes(problem.vehicle),
-            where=where,
-            reduction=Interval(self.reduction.estimate, self.reduction.low, self.reduction.high),
-            seconds=seconds,
-            tolerances=dict(zip(NUISANCES[:TOLERANCES], (float(n) for n in tolerances), strict=True)),
-            details=details,
-            warnings=warnings,
-        )
-
 
 def judge_hypotheses(
     problem: Problem, hypotheses: list[tuple[Fit, float]], count: int, calibration: PosteriorConstants,
@@ -324,6 +303,13 @@ def diagnose(
     }
     warnings = [*doubted, *left_out, *unseen, *misfits]
     warnings += judged.warnings(problem)
-    answer = judged.answer(problem, case, where, details, warnings, time.perf_counter() - began)
+    posterior, shrinks = judged.posterior, judged.reduction
+    tolerances = posterior.leading.theta[:TOLERANCES].tolist()
+    answer = Answer(
+        case=case, verdict=posterior.verdict, causes=list(posterior.causes), posterior=posterior.probabilities,
+        ambiguity=posterior.ambiguity, magnitudes=judged.magnitudes(vehicle), where=where,
+        reduction=Interval(shrinks.estimate, shrinks.low, shrinks.high), seconds=time.perf_counter() - began,
+        tolerances=dict(zip(NUISANCES[:TOLERANCES], tolerances, strict=True)), details=details, warnings=warnings,
+    )  # fmt: skip
     tell("done", 1.0)
-    return Diagnosis(answer, problem, found, judged.posterior.leading, judged.reduction)
+    return Diagnosis(answer, problem, found, posterior.leading, shrinks)

@@ -69,7 +69,7 @@ def test_the_sums_of_a_drives_windows_are_those_of_a_day(monitor: WindowMonitor,
     whole = windowed(run, run.filled, normal.stride)
     day = make_day([whole], p.constants, p.own, normal.names, normal.units, normal, 1)
     assert len(windows) == len(whole.starts)
-    found = [sums_of(p, one, run_errors(one, p.constants, p.own), 0.0) for one in windows]
+    found = [sums_of(p, one, run_errors(one, p.constants, p.own)) for one in windows]
     n = len(normal.names)
     expected = block_scores(day, day.errors, normal.scales, normal.precision).sum(axis=0)[:n]
     total = np.sum([one.score for one in found], axis=0)

@@ -10,9 +10,9 @@ from drift_drake.car.log.table import Run
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.gap.logs.noise import white_noise_level
 from drift_drake.gap.logs.screening.screened import MEASURED
-from drift_drake.gap.logs.screening.unit_mistakes import DEGREES, G
 
 EDGE = 20  # rows at a run's ends that are left alone
+DEGREES, G = 180.0 / np.pi, 9.80665
 SAMPLES = ("spike", "drop to zero", "frozen", "dead from some row on", "coarse rounding")
 
 

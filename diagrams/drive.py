@@ -11,9 +11,10 @@ from diagrams.command import run_command
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.common.run_folder import make_run_folder
 from drift_drake.drive.loop.drive import Drive
-from drift_drake.drive.manoeuvres.drivers import ROW_PERIOD, HoldDriver
+from drift_drake.drive.manoeuvres.drivers import ROW_PERIOD
 from drift_drake.drive.reference.equilibrium import drift_equilibrium
 from drift_drake.view.pictures.graph import draw_graph
+from experiments.benchmarks.drifters import HoldDriver
 
 
 def main(out: Path | None = None) -> None:

@@ -11,15 +11,15 @@ from pathlib import Path
 from diagrams.command import run_command
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.common.run_folder import make_run_folder
-from drift_drake.drive.gathering.config import Recipe
 from drift_drake.drive.gathering.gather import execution, learn_drives, taught
 from drift_drake.drive.gathering.plan import InfeasiblePlanError, plan_again, plan_drive
 from drift_drake.drive.learnt.checkpoint import load_model
 from drift_drake.drive.learnt.posterior import Posterior, covariance_norms
-from drift_drake.drive.manoeuvres.vehicles import Population, draw_effects
 from drift_drake.gap.choose.choice import ask
 from drift_drake.gap.choose.identified import runs_of
 from drift_drake.view.pictures.graph import draw_graph
+from experiments.benchmarks.vehicles import Population, draw_effects
+from experiments.gathering.recipe import Recipe
 
 
 @dataclasses.dataclass(frozen=True)

@@ -31,8 +31,8 @@ from drift_drake.drive.learnt.posterior import Posterior, covariance_norms
 from drift_drake.drive.learnt.quality import standardized_errors
 from drift_drake.drive.learnt.samples import samples_from_log
 from drift_drake.drive.loop.closed_loop import ControlConfig
-from drift_drake.drive.manoeuvres.vehicles import draw_effects
 from drift_drake.gap.diagnosis.likelihood.diagnose import Diagnosis, diagnose
+from experiments.benchmarks.vehicles import draw_effects
 from experiments.demo_log import FOLDER, TRUTH
 from experiments.demo_page import write_page
 from experiments.drifting.runs import DriveJob, DriveResult, Learnt, Model, drive, reference

@@ -18,8 +18,6 @@ from drift_drake.car.log.table import read_case
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.common.run_folder import machine
 from drift_drake.common.safe_files import write_text
-from drift_drake.drive.gathering.config import lane_for_pictures
-from drift_drake.drive.manoeuvres.vehicles import draw_effects
 from drift_drake.drive.reference.trajectory import figure_8
 from drift_drake.gap.diagnosis.answers.apply import corrected_vehicle
 from drift_drake.gap.diagnosis.likelihood.diagnose import Diagnosis
@@ -31,7 +29,9 @@ from drift_drake.view.pictures.time_series import side_by_side, time_series
 from drift_drake.view.playback.play import UNITS, Comparison, compare, drawn
 from drift_drake.view.playback.side_by_side import CarModel, SideBySide
 from drift_drake.view.style import colours_of
+from experiments.benchmarks.vehicles import draw_effects
 from experiments.drifting.report import LABELS
+from experiments.gathering.recipe import lane_for_pictures
 
 TEMPLATE = Path(__file__).parent / "demo.html"
 RESOLUTION, FINE = 140, 240  # [dots per inch], of narrow pictures

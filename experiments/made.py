@@ -4,6 +4,7 @@ import dataclasses
 import shlex
 import subprocess
 import sys
+from collections.abc import Iterable, Sequence
 from datetime import date
 from importlib.metadata import version
 from pathlib import Path
@@ -25,6 +26,11 @@ def write_report(folder: Path, text: str, config: Any) -> None:
         text: Markdown; config: the dataclass that the run was made from.
     """
     write_text(folder / "report.md", f"{text.rstrip()}\n\n{made(config)}\n")
+
+
+def tabulated(heads: Sequence[str], rows: Iterable[Sequence[object]]) -> list[str]:
+    """The lines of a Markdown table: its heads, and below them rows of cells."""
+    return [f"| {' | '.join(map(str, cells))} |" for cells in (heads, ["---"] * len(heads), *rows)]
 
 
 def write_benchmark(folder: Path, config: Any, numbers: Any, text: str) -> None:

@@ -26,6 +26,7 @@ from diagrams.command import run_command
 from drift_drake.common.errors import DriftDrakeError
 from drift_drake.common.run_folder import is_done, make_run_folder, write_json, write_versions
 from drift_drake.common.safe_files import write_text
+from experiments.made import tabulated
 
 ROOT = Path(__file__).parents[1]
 FENCE = re.compile(r"^ *```(\w*)\n(.*?)^ *```", re.DOTALL | re.MULTILINE)
@@ -167,13 +168,12 @@ def _run(command: Command, folder: Path, seconds: float) -> Result:
 def report(results: dict[str, list[tuple[Command, Result]]]) -> str:
     """A row a page, the sum of all commands, each counted once, and those that do not pass."""
     kinds: tuple[Verdict, ...] = ("passes", "cut off", "not checked", "fails")
-    lines = [f"| page | {' | '.join(kinds)} |", "| --- |" + " --- |" * len(kinds)]
+    rows: list[tuple[object, ...]] = []
     for page, found in results.items():
-        counts = [sum(result.verdict == kind for _, result in found) for kind in kinds]
-        lines.append(f"| {page} | {' | '.join(map(str, counts))} |")
+        rows.append((page, *(sum(result.verdict == kind for _, result in found) for kind in kinds)))
     once = {(command.text, command.shown): result for found in results.values() for command, result in found}
     counts = [sum(result.verdict == kind for result in once.values()) for kind in kinds]
-    lines.append(f"| all, each once: {len(once)} | {' | '.join(map(str, counts))} |\n")
+    lines = [*tabulated(("page", *kinds), [*rows, (f"all, each once: {len(once)}", *counts)]), ""]
     for kind in ("fails", "not checked", "cut off"):
         of_kind = [
             (command, result) for found in results.values() for command, result in found if result.verdict == kind

@@ -17,6 +17,7 @@ import numpy as np
 
 from diagrams.command import run_command
 from drift_drake.common.errors import DriftDrakeError
+from experiments.made import tabulated
 from experiments.reading_code import coined_names, said_in_code, sources
 
 ROOT = Path(__file__).parents[1]
@@ -131,15 +132,13 @@ def coinages_of_code(root: Path) -> list[str]:
 
 def table(found: dict[str, Reading]) -> str:
     """A row a page, and the sums of users' pages and of all."""
-    lines = ["| page | lines | words | words a sentence, mean | 95 % | coinages | links broken |"]
-    lines.append("| --- |" + " --- |" * 6)
+    rows = []
     for name, one in found.items():
         lengths = one.sentences or (0,)
-        lines.append(
-            f"| {name} | {one.lines} | {one.words} | {np.mean(lengths):.1f} | {np.percentile(lengths, 95):.0f} "
-            f"| {len(one.coinages)} | {len(one.broken)} |"
-        )
-    return "\n".join(lines)
+        rows.append((name, one.lines, one.words, f"{np.mean(lengths):.1f}", f"{np.percentile(lengths, 95):.0f}",
+                     len(one.coinages), len(one.broken)))  # fmt: skip
+    heads = ("page", "lines", "words", "words a sentence, mean", "95 %", "coinages", "links broken")
+    return "\n".join(tabulated(heads, rows))
 
 
 def together(found: list[Reading]) -> Reading:

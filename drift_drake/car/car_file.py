@@ -18,6 +18,8 @@ from drift_drake.car.vehicle_file import (
     single_track_of_data,
 )
 
+PlantParameters = VehicleParameters | DoubleTrackParameters  # of this package's own kinds
+
 
 def read_car(path: str | Path) -> tuple[CarParameters, Effects]:
     """The car of a file and its effects.
@@ -43,13 +45,18 @@ def car_of_data(data: Any, path: str | Path) -> tuple[CarParameters, Effects]:
     return (double_track_of_data if double_track else single_track_of_data)(data, str(path))
 
 
-def read_plant(path: str | Path) -> tuple[VehicleParameters | DoubleTrackParameters, Effects]:
-    """The car of a file where it has to be a Drake plant of this package; raises InvalidVehicleError."""
-    car, effects = read_car(path)
+def plant_of(car: CarParameters, source: str | Path = "the vehicle") -> PlantParameters:
+    """The car where it has to be a Drake plant of this package; raises InvalidVehicleError, which names `source`."""
     if isinstance(car, SimulatorCar):
-        raise InvalidVehicleError(f"{path}: {NO_VEHICLE_FILE}")
-    assert isinstance(car, VehicleParameters | DoubleTrackParameters)
-    return car, effects
+        raise InvalidVehicleError(f"{source}: {NO_VEHICLE_FILE}")
+    assert isinstance(car, PlantParameters)
+    return car
+
+
+def read_plant(path: str | Path) -> tuple[PlantParameters, Effects]:
+    """`read_car`, `plant_of`."""
+    car, effects = read_car(path)
+    return plant_of(car, path), effects
 
 
 def read_simulator_car(path: str | Path) -> SimulatorCar:

@@ -9,11 +9,10 @@ from drift_drake.car.double_track.parameters import DoubleTrackParameters
 from drift_drake.car.effects.magnitudes import Effects
 from drift_drake.car.foreign.simulator_car import SimulatorCar
 from drift_drake.car.parameters import CarParameters, InvalidVehicleError, VehicleParameters, vehicle_data
-from drift_drake.car.vehicle_file import NO_VEHICLE_FILE, effects_of, kept_single_track, tolerances_in
+from drift_drake.car.vehicle_file import effects_of, kept_single_track, tolerances_in
 
 GivenEffects = Effects | Mapping[str, float]
 Vehicle = str | Path | CarParameters | tuple[CarParameters, GivenEffects]
-PlantParameters = VehicleParameters | DoubleTrackParameters  # of this package's own kinds
 
 CARS = (VehicleParameters, DoubleTrackParameters, SimulatorCar)
 
@@ -71,18 +70,6 @@ def single_track_of(car: CarParameters) -> VehicleParameters:
     return car
 
 
-def plant_of(car: CarParameters) -> PlantParameters:
-    """The car where one of this package's kinds will do.
-
-    Raises:
-        InvalidVehicleError: it is a simulator of the user's.
-    """
-    if isinstance(car, SimulatorCar):
-        raise InvalidVehicleError(f"the vehicle: {NO_VEHICLE_FILE}")
-    assert isinstance(car, PlantParameters)
-    return car
-
-
 def on_one_track(given: GivenVehicle, source: str | Path = "vehicle") -> OnOneTrack:
     """The car where only a single-track one will do: of a double-track car the one that is kept with it.
 
@@ -101,14 +88,14 @@ def on_one_track(given: GivenVehicle, source: str | Path = "vehicle") -> OnOneTr
     )
 
 
-def effects_given(effects: GivenEffects | None, source: str = "effects") -> Effects:
+def effects_given(effects: GivenEffects | None) -> Effects:
     """Effects as they are, or magnitudes by name; None for none.
 
     Raises:
-        InvalidVehicleError: names `source`, the effect and the remedy.
+        InvalidVehicleError: names the effect and the remedy.
     """
     if isinstance(effects, Effects):
         return effects
     if effects is not None and not isinstance(effects, Mapping):
-        raise InvalidVehicleError(f"{source}: {type(effects).__name__} holds no effects; give magnitudes by name")
-    return effects_of(dict(effects or {}), source)
+        raise InvalidVehicleError(f"effects: {type(effects).__name__} holds no effects; give magnitudes by name")
+    return effects_of(dict(effects or {}), "effects")

@@ -190,21 +190,8 @@ class VehicleParameters:
         Raises:
             InvalidVehicleError: names `source`, the key and the remedy.
         """
-        if not isinstance(data, dict):
-            raise InvalidVehicleError(f"{source}: expected 'name: value' lines, found {type(data).__name__}")
-        known = {field.name: field for field in dataclasses.fields(cls)}
-        check_keys(source, "", data, set(known), required=set(known) - set(OPTIONAL))
-        tolerance = data.get("tolerance", {})
-        if not isinstance(tolerance, dict):
-            raise InvalidVehicleError(f"{source}: 'tolerance' must hold 'name: standard deviation' lines")
-        check_keys(source, "tolerance.", tolerance, {field.name for field in dataclasses.fields(Tolerance)})
-        values = {
-            key: value if key == "tyre" else as_number(value) for key, value in data.items() if key != "tolerance"
-        }
-        try:
-            return cls(**values, tolerance=Tolerance(**{key: as_number(value) for key, value in tolerance.items()}))
-        except InvalidVehicleError as error:
-            raise InvalidVehicleError(f"{source}: {error}") from None
+        parameters: VehicleParameters = read_plain(cls, data, source)
+        return parameters
 
     @classmethod
     def from_yaml(cls, path: str | Path) -> "VehicleParameters":
@@ -218,6 +205,36 @@ class VehicleParameters:
     def to_yaml(self, path: str | Path) -> None:
         """Writes a vehicle file that `from_yaml` reads back to the same parameters; OutputError where it cannot."""
         write_text(path, yaml.safe_dump(self.to_dict(), sort_keys=False))
+
+
+def read_plain(kind: Any, data: Any, source: str, place: str = "") -> Any:
+    """A dataclass of numbers, words and such dataclasses, by name: all but tolerances and those of `OPTIONAL`.
+
+    Args:
+        kind: the dataclass; data: as a file holds it; source: what an error names; place: in the source, of a part.
+
+    Raises:
+        InvalidVehicleError: names `source`, the key and the remedy.
+    """
+    if not isinstance(data, dict):
+        if not place:
+            raise InvalidVehicleError(f"{source}: expected 'name: value' lines, found {type(data).__name__}")
+        what = "standard deviation" if kind is Tolerance else "value"
+        raise InvalidVehicleError(f"{source}: '{place}' must hold 'name: {what}' lines")
+    inner = f"{place}." if place else ""
+    types = {field.name: field.type for field in dataclasses.fields(kind)}
+    check_keys(source, inner, data, set(types), set() if kind is Tolerance else set(types) - set(OPTIONAL))
+    values: dict[str, Any] = {}
+    for name, value in data.items():
+        of = types[name]
+        if isinstance(of, type) and dataclasses.is_dataclass(of):
+            values[name] = read_plain(of, value, source, inner + name)
+        else:
+            values[name] = value if of is str else as_number(value)
+    try:
+        return kind(**values)
+    except InvalidVehicleError as error:
+        raise InvalidVehicleError(f"{source}: {inner}{error}") from None
 
 
 def vehicle_data(path: str | Path) -> Any:

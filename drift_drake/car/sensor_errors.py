@@ -1,13 +1,12 @@
 """Errors of sensors that are known, taken off the readings."""
 
-from typing import Any
-
 from pydrake.systems.framework import DiagramBuilder, LeafSystem, OutputPort
 
 from drift_drake.car.effects.catalogue import CATALOGUE
 from drift_drake.car.effects.magnitudes import Effects, unbiased
 from drift_drake.car.sensors import MEASURED_STATE
 from drift_drake.common.arrays import Array
+from drift_drake.common.updates import declare_output
 
 SENSORS = tuple(name for name, effect in CATALOGUE.items() if effect.stage == "sensor" and not effect.late)
 """Errors that a reading can lose."""
@@ -31,15 +30,11 @@ class SensorCorrection(LeafSystem):
 
     def __init__(self, errors: Effects) -> None:
         super().__init__()
-        self._errors = errors
-        self._measured = self.DeclareVectorInputPort("measured_state", len(MEASURED_STATE))
-        self.DeclareVectorOutputPort(
-            "corrected_state", len(MEASURED_STATE), self._calc,
-            prerequisites_of_calc={self.input_port_ticket(self._measured.get_index())},
+        measured = self.DeclareVectorInputPort("measured_state", len(MEASURED_STATE))
+        declare_output(
+            self, "corrected_state", len(MEASURED_STATE),
+            lambda context: corrected_reading(measured.Eval(context), errors), {measured.ticket()},
         )  # fmt: skip
-
-    def _calc(self, context: Any, output: Any) -> None:
-        output.SetFromVector(corrected_reading(self._measured.Eval(context), self._errors))
 
 
 def without_errors(builder: DiagramBuilder, measured_state: OutputPort, errors: Effects) -> OutputPort:

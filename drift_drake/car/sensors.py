@@ -17,7 +17,7 @@ from drift_drake.car.single_track.motion import STATES
 from drift_drake.common.arrays import Array
 from drift_drake.common.errors import InvalidOptionError, shown
 from drift_drake.common.selector import select_signals
-from drift_drake.common.updates import declare_update
+from drift_drake.common.updates import declare_output, declare_update
 
 TIME_TOLERANCE = 1e-9  # [s] below which two times are the same
 SIGNALS = (*STATES, "s", "x", "y", "psi", "ax", "ay")
@@ -71,7 +71,7 @@ class TransportDelay(LeafSystem):
             declare_update(self, period, self._store, offset)
             past = {self.time_ticket(), self.discrete_state_ticket(rows_index)}
             prerequisites = past | prerequisites if self._shorter_than_period else past
-        self.DeclareVectorOutputPort("y", size, self._calc_output, prerequisites_of_calc=prerequisites)
+        declare_output(self, "y", size, self._delayed, prerequisites)
 
     def _rows(self, context: Context) -> Any:
         return context.get_discrete_state_vector().value().reshape(self._shape)
@@ -90,10 +90,9 @@ class TransportDelay(LeafSystem):
         row = np.concatenate(([context.get_time()], self._u.Eval(context)))
         discrete.set_value(np.concatenate((kept.ravel(), row)))
 
-    def _calc_output(self, context: Context, output: Any) -> None:
+    def _delayed(self, context: Context) -> Array:
         if self.delay == 0.0:
-            output.SetFromVector(self._u.Eval(context))
-            return
+            return self._u.Eval(context)
         rows, at = self._rows(context), context.get_time() - self.delay
         after = int(np.searchsorted(rows[:, 0], at))
         if after == 0:
@@ -106,10 +105,9 @@ class TransportDelay(LeafSystem):
             (t0, t1), (u0, u1) = (rows[-1, 0], context.get_time()), (rows[-1, 1:], self._u.Eval(context))
         else:
             # Not initialized yet, or a time that is the last row's but for rounding.
-            output.SetFromVector(rows[-1, 1:])
-            return
+            return rows[-1, 1:]
         part = (at - t0) / (t1 - t0) if math.isfinite(t0) else 1.0
-        output.SetFromVector(u0 + part * (u1 - u0) if part < 1.0 else u1)
+        return u0 + part * (u1 - u0) if part < 1.0 else u1
 
 
 @dataclasses.dataclass(frozen=True)
@@ -189,19 +187,18 @@ class SampleAndHold(LeafSystem):
             self.input_port_ticket(self._signals.get_index()),
             self.input_port_ticket(self._noise.get_index()),
         }
-        self._sample = self.DeclareVectorOutputPort("sample", len(_SAMPLE), self._calc_sample, sources)
+        self._sample = declare_output(self, "sample", len(_SAMPLE), self._sampled, sources)
 
     def _samples_before(self, t: float) -> int:
         return math.floor(t / self._period + 1e-6)
 
-    def _calc_sample(self, context: Context, output: Any) -> None:
+    def _sampled(self, context: Context) -> Array:
         """The sample held, or the one that is due at the Context's time."""
         held, t = context.get_discrete_state_vector().value(), context.get_time()
         if not math.isnan(held[0]) and self._samples_before(t) <= self._samples_before(held[0]):
-            output.SetFromVector(held)
-            return
+            return held
         signals, noise = self._signals.Eval(context), self._noise.Eval(context)
-        output.SetFromVector(_sampled(t, signals, self._levels, noise, self._magnitudes))
+        return _sampled(t, signals, self._levels, noise, self._magnitudes)
 
     def _update(self, context: Context, state: State) -> None:
         state.get_mutable_discrete_state().set_value(self._sample.Eval(context))

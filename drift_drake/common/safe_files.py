@@ -235,12 +235,12 @@ def write_table(table: Any, path: str | Path, **options: Any) -> None:
         table.to_csv(part, **options)
 
 
-def write_columns(columns: Mapping[str, np.ndarray], path: str | Path, form: str = "%.9g") -> None:
+def write_columns(columns: Mapping[str, np.ndarray], path: str | Path) -> None:
     """Writes columns of numbers of equal length as CSV (packed for `.gz`), whole or not at all; NaN is left empty.
 
     A third of the time that pandas takes, which writes the same text.
     """
-    rows, line = np.column_stack(list(columns.values())), ",".join([form] * len(columns)) + "\n"
+    rows, line = np.column_stack(list(columns.values())), ",".join(["%.9g"] * len(columns)) + "\n"
     with replacing(path) as part, gzip.open(part, "wt") if part.suffix == ".gz" else part.open("w") as file:
         file.write(",".join(columns) + "\n")
         for begin in range(0, len(rows), ROWS_AT_ONCE):

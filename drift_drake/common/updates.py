@@ -1,9 +1,11 @@
-"""Discrete updates of systems: at their period under a Simulator, and whenever they are forced."""
+"""What systems declare: updates at a period and whenever they are forced, and outputs by a function of the Context."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-from pydrake.systems.framework import LeafSystem
+from pydrake.systems.framework import Context, DependencyTicket, LeafSystem, OutputPort
+
+from drift_drake.common.arrays import Array
 
 Update = Callable[..., Any]
 
@@ -19,3 +21,30 @@ def declare_update(system: LeafSystem, period: float, update: Update, offset: fl
     """
     system.DeclarePeriodicDiscreteUpdateEvent(period, offset, update)
     system.DeclareForcedDiscreteUpdateEvent(update)
+
+
+def declare_output(
+    system: LeafSystem, name: str, size: int, value: Callable[[Context], Array | Sequence[float]],
+    given: set[DependencyTicket] | None = None,
+) -> OutputPort:  # fmt: skip
+    """Declares a port whose numbers [size] a function of the Context gives.
+
+    Args:
+        given: what the numbers depend on; without, on all that the system has.
+    """
+    known = {} if given is None else {"prerequisites_of_calc": given}
+    return system.DeclareVectorOutputPort(
+        name, size, lambda context, output: output.SetFromVector(value(context)), **known
+    )
+
+
+def declare_parts(
+    system: LeafSystem, parts: Mapping[str, slice], whole: Callable[[Context], Array], given: set[DependencyTicket]
+) -> None:
+    """`declare_output` of parts of what one function gives, by name."""
+
+    def declare(name: str, part: slice) -> None:
+        declare_output(system, name, part.stop - part.start, lambda context: whole(context)[part], given)
+
+    for name, part in parts.items():
+        declare(name, part)

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from drift_drake.car.compilation import compiled
-from drift_drake.car.effects.delays import commands_at, on_time, stamped
+from drift_drake.car.effects.delays import on_time, stamped
 from drift_drake.car.effects.magnitudes import (
     INTERNAL_COUNT,
     Effects,
@@ -24,6 +24,7 @@ from drift_drake.car.scalar import fixed_tuple
 from drift_drake.car.sensors import LOG_ROW, NoiseLevels
 from drift_drake.car.single_track.motion_with_effects import motion_with_effects, settled_internal_states
 from experiments.benchmarks.drivers import MANOEUVRES, PERIOD, SLOWEST, SPIN, Driver, driven
+from experiments.benchmarks.rows import by_rows, runge_kutta_row
 from experiments.benchmarks.strange_effects import Strange, make_strange, ring_rates, rung_torque, strange_wrench
 from experiments.benchmarks.truths import Truth, true_car
 
@@ -35,8 +36,12 @@ NOISE = {name: float(getattr(NoiseLevels(), name)) for name in LOG_ROW if name !
 
 
 @compiled
-def _rates(z: Any, t: Any, delta: Any, tau: Any, constants: Any, effects: Any, strange: Any, out: Any) -> Any:
-    """z: r, v, beta, omega_r, psi, x, y, the effects' internal states, ring, ring rate, a_x, a_y (outputs only)."""
+def _rates(z: Any, command: Any, car: Any, out: Any) -> Any:
+    """Writes the rates of z, and returns (a_x, a_y).
+
+    z: r, v, beta, omega_r, psi, x, y, the effects' internal states, ring, ring rate.
+    """
+    (delta, tau, t), (constants, effects, strange) = command, car
     internal = InternalStates(*fixed_tuple(z[7:RING], INTERNAL_COUNT))
     f_x, f_y, m_z = strange_wrench(t, z[0], z[1], z[2], z[3], z[5], z[6], z[4], delta, tau, constants, strange)
     torque = rung_torque(tau, z[RING], strange)
@@ -48,27 +53,12 @@ def _rates(z: Any, t: Any, delta: Any, tau: Any, constants: Any, effects: Any, s
     for i, rate in enumerate(m):
         out[7 + i] = rate
     out[RING], out[RING + 1] = ring_rates(z[RING], z[RING + 1], tau)
-    out[STATES], out[STATES + 1] = rates.a_x, rates.a_y
+    return rates.a_x, rates.a_y
 
 
 @compiled
-def _advance(z: Any, row: Any, delta_cmd: Any, tau_cmd: Any, constants: Any, effects: Any, strange: Any) -> Any:
-    """From row to row + 1; commands up to row + 1 are known."""
-    h = PERIOD / FINE
-    n = STATES
-    k1, k2, k3, k4 = np.zeros(n + 2), np.zeros(n + 2), np.zeros(n + 2), np.zeros(n + 2)
-    for i in range(FINE):
-        a, b, c = row + i / FINE, row + (i + 0.5) / FINE, row + (i + 1) / FINE
-        da, ta = commands_at(delta_cmd, tau_cmd, a, row + 1, PERIOD, effects)
-        db, tb = commands_at(delta_cmd, tau_cmd, b, row + 1, PERIOD, effects)
-        dc, tc = commands_at(delta_cmd, tau_cmd, c, row + 1, PERIOD, effects)
-        _rates(z, a * PERIOD, da, ta, constants, effects, strange, k1)
-        _rates(z + 0.5 * h * k1[:n], b * PERIOD, db, tb, constants, effects, strange, k2)
-        _rates(z + 0.5 * h * k2[:n], b * PERIOD, db, tb, constants, effects, strange, k3)
-        _rates(z + h * k3[:n], c * PERIOD, dc, tc, constants, effects, strange, k4)
-        z += h / 6.0 * (k1[:n] + 2.0 * k2[:n] + 2.0 * k3[:n] + k4[:n])
-    _rates(z, (row + 1) * PERIOD, dc, tc, constants, effects, strange, k1)
-    return k1[n], k1[n + 1]
+def _advance(z: Any, row: Any, delta: Any, tau: Any, constants: Any, effects: Any, strange: Any) -> Any:
+    return runge_kutta_row(_rates, z, row, delta, tau, (constants, effects, strange), FINE)
 
 
 def simulate_run(driver: Driver, truth: Truth, vehicle: VehicleParameters, rng: np.random.Generator, name: str,
@@ -89,28 +79,24 @@ def drive_rows(
         effects: of the car from a row to the next one; at -1 those that it has settled in before the drive;
         settles_at: the row at which actuators and tyres that begin to lag do so from where they are.
     """
-    rows, before = round(duration / PERIOD) + 1, on_time(effects(-1))
-    delta, tau = np.zeros(rows), np.zeros(rows)
-    state = driver.start()
-    delta[0], tau[0] = driver.command(0.0, state, driver.resting_command())
-    z, scratch = np.zeros(STATES), np.zeros(STATES + 2)
+    before, state = on_time(effects(-1)), driver.start()
+    first = driver.command(0.0, state, driver.resting_command())
+    z = np.zeros(STATES)
     z[:4] = state
-    z[7:RING] = settled_internal_states(*(float(c) for c in state), delta[0], tau[0], constants, before)
-    z[RING] = tau[0]
-    _rates(z, 0.0, delta[0], tau[0], constants, before, strange, scratch)
-    states, accelerations = np.zeros((rows, STATES)), np.zeros((rows, 2))
-    states[0], accelerations[0] = z, scratch[STATES:]
-    for row in range(rows - 1):
-        now = on_time(effects(row))
+    z[7:RING] = settled_internal_states(*(float(c) for c in state), *first, constants, before)
+    z[RING] = first[1]
+    acceleration = np.array(_rates(z, (*first, 0.0), (constants, before, strange), np.empty(STATES)))
+
+    def advance(z: np.ndarray, row: int, delta: np.ndarray, tau: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        now, later = on_time(effects(row)), z.copy()
         if row == settles_at:
-            z[LAGGED] = settled_internal_states(*(float(c) for c in z[:4]), delta[row], tau[row], constants, now)[:4]
-        delta[row + 1], tau[row + 1] = driver.command(row * PERIOD, z[:4], (delta[row], tau[row]))
-        accelerations[row + 1] = _advance(z, row, delta, tau, constants, now, strange)
-        states[row + 1] = z
-        if abs(z[2]) > SPIN or z[1] < SLOWEST or z[3] < SLOWEST:
-            rows = row + 1
-            break
-    return states[:rows], accelerations[:rows], delta[:rows], tau[:rows]
+            later[LAGGED] = settled_internal_states(*map(float, z[:4]), delta[row], tau[row], constants, now)[:4]
+        return later, np.array(_advance(later, row, delta, tau, constants, now, strange))
+
+    return by_rows(
+        (z, acceleration), first, duration, lambda t, z, last: driver.command(t, z[:4], last), advance,
+        lambda _, z: abs(z[2]) > SPIN or z[1] < SLOWEST or z[3] < SLOWEST, with_end=False,
+    )  # fmt: skip
 
 
 def sensed(states: np.ndarray, accelerations: np.ndarray, delta: np.ndarray, tau: np.ndarray, effects: Effects,

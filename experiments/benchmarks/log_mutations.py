@@ -1,4 +1,4 @@
-"""Mistakes put into good logs by hand: bad samples, other units, signs and clocks, and columns that are not theirs."""
+"""Mistakes put into good logs by hand: other units, signs and clocks, and columns that are not theirs."""
 
 import dataclasses
 from collections.abc import Mapping, Sequence
@@ -8,66 +8,9 @@ import numpy as np
 
 from drift_drake.car.log.table import Run
 from drift_drake.car.parameters import VehicleParameters
-from drift_drake.gap.logs.noise import white_noise_level
 from drift_drake.gap.logs.screening.screened import MEASURED
 
-EDGE = 20  # rows at a run's ends that are left alone
 DEGREES, G = 180.0 / np.pi, 9.80665
-SAMPLES = ("spike", "drop to zero", "frozen", "dead from some row on", "coarse rounding")
-
-
-@dataclasses.dataclass(frozen=True)
-class Planted:
-    """A bad sample: rows start:stop of a column of one run, and what is to be said of it."""
-
-    run: int
-    column: str
-    kind: str  # spike, frozen or rounding
-    start: int
-    stop: int
-
-
-def with_bad_sample(runs: Sequence[Run], name: str, rng: np.random.Generator) -> tuple[list[Run], Planted]:
-    """The runs with one bad sample of a kind of `SAMPLES`, in a column and row by chance, and where it is."""
-    index = int(rng.integers(len(runs)))
-    run = runs[index]
-    names = [c for c in MEASURED if run.column(c) is not None]
-    if name == "drop to zero":  # of a channel that is far from zero, somewhere
-        names = [c for c in names if len(_far_from_zero(np.array(run.column(c))))]
-    column = str(rng.choice(names))
-    values = np.array(run.column(column))
-    noise = _noise(values)
-    start, stop, kind = int(rng.integers(EDGE, len(run) - 80)), len(run), "frozen"
-    if name == "spike":
-        stop, kind = start + int(rng.integers(1, 4)), "spike"
-        values[start:stop] += rng.choice([-1.0, 1.0]) * noise * np.exp(rng.uniform(np.log(15.0), np.log(300.0)))
-    elif name == "drop to zero":
-        start = int(rng.choice(_far_from_zero(values)))
-        stop, kind = start + int(rng.integers(1, 4)), "spike"
-        values[start:stop] = 0.0
-    elif name == "frozen":
-        stop = start + int(rng.integers(5, 60))
-        values[start:stop] = values[start]
-    elif name == "dead from some row on":
-        start = len(run) - int(rng.integers(60, min(len(run) // 3, 300)))
-        values[start:] = values[start]
-    else:
-        start, kind = 0, "rounding"
-        step = rng.uniform(3.0, 10.0) * noise
-        values = step * np.round(values / step)
-    changed = list(runs)
-    changed[index] = _with_columns(run, {column: values})
-    return changed, Planted(index, column, kind, start, stop)
-
-
-def _noise(values: np.ndarray) -> float:
-    """The channel's noise, or what stands for it where the channel is smoothed."""
-    return max(white_noise_level(values), 0.002 * float(np.ptp(np.quantile(values, [0.01, 0.99]))))
-
-
-def _far_from_zero(values: np.ndarray) -> np.ndarray:
-    """Rows, the run's ends aside, where zero is far from the signal [n]."""
-    return np.flatnonzero(np.abs(values[EDGE:-EDGE]) > 20.0 * _noise(values)) + EDGE
 
 
 def unit_mistakes(vehicle: VehicleParameters) -> dict[str, dict[str, float]]:

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from experiments.benchmarks.intervals import binomial, bootstrap
+from experiments.made import tabulated
 
 Pair = tuple[dict[str, Any], dict[str, Any]]  # (label, answer)
 TIERS = ("exact", "tolerance", "none", "pair", "family", "removed")
@@ -149,20 +150,21 @@ def by_effect(pairs: Sequence[Pair]) -> dict[str, Any]:
 
 def score_text(result: dict[str, Any]) -> str:
     """The figures as a Markdown table, and the mistakes."""
-    lines = [f"{result['cases']} cases", "", "| figure | value | 95 % | cases |", "| --- | --- | --- | --- |"]
+    figures = list[tuple[object, ...]]()
 
     def row(name: str, s: Any) -> None:
         if isinstance(s, float):
-            lines.append(f"| {name} | {s:.3f} | | |")
+            figures.append((name, f"{s:.3f}", "", ""))
         elif isinstance(s, dict) and "low" in s:
             value = s["share"] if "share" in s else s["mean"]
-            lines.append(f"| {name} | {value:.3f} | {s['low']:.2f} to {s['high']:.2f} | {s['count']} |")
+            figures.append((name, f"{value:.3f}", f"{s['low']:.2f} to {s['high']:.2f}", s["count"]))
         elif isinstance(s, dict) and name != "by effect" and name != "by unknown":
             for key, part in s.items():
                 row(f"{name.removesuffix(' by tier')}, {key}", part)
 
     for name, value in result.items():
         row(name, value)
+    lines = [f"{result['cases']} cases", "", *tabulated(("figure", "value", "95 %", "cases"), figures)]
     lines += ["", "Reliability of the leading hypothesis (stated, right, cases):"]
     lines += [f"- {b['stated']:.2f}, {b['share']:.2f}, {b['count']:.0f}" for b in result["reliability"]]
     lines += ["", "Mistakes:"]

@@ -38,8 +38,8 @@ from drift_drake.drive.learnt.posterior import Posterior
 from drift_drake.drive.learnt.quality import learn
 from drift_drake.drive.learnt.samples import Samples, samples_from_log
 from drift_drake.drive.loop.closed_loop import ControlConfig
-from drift_drake.drive.manoeuvres.vehicles import Population
 from drift_drake.drive.mpc.ocp import OcpWeights
+from experiments.benchmarks.vehicles import Population
 from experiments.drifting.errors import ROLLOUT_STEPS, drifting_errors
 from experiments.drifting.report import summarise
 from experiments.drifting.runs import (
@@ -52,7 +52,7 @@ from experiments.drifting.runs import (
     run_drives,
 )
 from experiments.gathering.beliefs import Attempt
-from experiments.made import write_report
+from experiments.made import tabulated, write_report
 
 Part = Literal["belief", "horizon", "path step", "delay", "iterations", "weights", "tightening"]
 Belief = Literal["nominal", "prior", "online", "twice_info", "twice_info_full", "own_drift", "own_drift_flat", "oracle"]
@@ -182,21 +182,18 @@ def _own_drives(config: DriftConfig, folder: Path) -> dict[Attempt, Samples]:
 
 def table(rows: list[Variant], summary: dict[str, Any], errors: dict[str, dict[str, float]]) -> str:
     """All variants, as Markdown."""
-    lines = [
-        "| part | variant | drift held throughout | drifting, median | RMS e, median (most) [m] "
-        "| RMS sideslip error [rad] | error in drifts: one step | 2 s |",
-        "| --- | --- | --- | --- | --- | --- | --- | --- |",
-    ]
+    heads = ("part", "variant", "drift held throughout", "drifting, median", "RMS e, median (most) [m]",
+             "RMS sideslip error [rad]", "error in drifts: one step", "2 s")  # fmt: skip
+    cells = []
     for row in rows:
         s = summary[row.name]
         e, b = s["rms_e"], s["rms_sideslip_error"]
         found = errors.get(row.name)
-        cells = (f"{found['one_step']:.2f}", f"{found['rollout']:.2f}") if found else ("", "")
-        lines.append(
-            f"| {row.part} | {row.name} | {s['drifted']:.0%} of {s['runs']} | {s['drifting']['median']:.0%} "
-            f"| {e['median']:.2f} ({e['most']:.2f}) | {b['median']:.3f} ({b['most']:.3f}) | {cells[0]} | {cells[1]} |"
-        )
-    return "\n".join(lines)
+        own = (f"{found['one_step']:.2f}", f"{found['rollout']:.2f}") if found else ("", "")
+        median, most = (f"{e[q]:.2f}" for q in ("median", "most"))
+        cells.append((row.part, row.name, f"{s['drifted']:.0%} of {s['runs']}", f"{s['drifting']['median']:.0%}",
+                      f"{median} ({most})", f"{b['median']:.3f} ({b['most']:.3f})", *own))  # fmt: skip
+    return "\n".join(tabulated(heads, cells))
 
 
 def main(config: AblationsConfig) -> None:

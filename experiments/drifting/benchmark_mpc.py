@@ -41,7 +41,7 @@ from drift_drake.drive.mpc.sqp import LineSearchSqp, SqpOptions
 from drift_drake.drive.reference.trajectory import Reference, figure_8
 from experiments.drifting.casadi_ocp import CasadiOcp, installed, learnt_step
 from experiments.drifting.timed_parts import TimedModel, TimedQp, cpu, network_products
-from experiments.made import write_benchmark
+from experiments.made import tabulated, write_benchmark
 
 START, ADVANCE = 40.0, 0.127  # [m] along the reference: of the first problem, from one problem to the next
 SPREAD = np.array([0.02, 0.05, 0.01, 0.1, 0.02, 0.01])  # standard deviations of the state about the reference
@@ -268,20 +268,13 @@ def run(config: BenchmarkConfig) -> dict[str, Any]:
 
 def table(numbers: dict[str, Any]) -> str:
     """The summary as Markdown."""
-    lines = [
-        f"{numbers['machine']}; CPU time [ms]: median / 99.9 % / worst of {numbers['problems'] - 1} plans",
-        "",
-        "| N | "
-        + " | ".join(name.replace("_", " ") for name in PARTS)
-        + " | "
-        + " | ".join(name.replace("_", " ").replace(" over ", " / ") for name in RATIOS)
-        + " |",
-        "| --- " * (len(PARTS) + len(RATIOS) + 1) + "|",
-    ]
+    said = f"{numbers['machine']}; CPU time [ms]: median / 99.9 % / worst of {numbers['problems'] - 1} plans"
+    heads = [name.replace("_", " ") for name in ("N", *PARTS, *(name.replace("_over_", " / ") for name in RATIOS))]
+    rows = []
     for horizon, found in numbers["horizons"].items():
         cells = [" / ".join(f"{value:.2g}" for value in found["ms"][name].values()) for name in PARTS]
-        ratios = [f"{found[name]:.2f}" for name in RATIOS]
-        lines.append(f"| {horizon} | " + " | ".join(cells + ratios) + " |")
+        rows.append((horizon, *cells, *(f"{found[name]:.2f}" for name in RATIOS)))
+    lines = [said, "", *tabulated(heads, rows)]
     medians = ", ".join(f"{name.replace('_', ' ')} {ms:.2g} ms" for name, ms in numbers["relative_to_snopt"].items())
     lines += ["", f"- nominal car, N = 25: {medians} in the median"]
     lines += [

@@ -34,7 +34,7 @@ from drift_drake.drive.reference.trajectory import figure_8
 from experiments.drifting.benchmark_mpc import ADVANCE, SPREAD, START, statistics
 from experiments.drifting.casadi_ocp import installed
 from experiments.drifting.timed_parts import cpu
-from experiments.made import write_benchmark
+from experiments.made import tabulated, write_benchmark
 
 HPIPM_TOLERANCES = ("res_g_max", "res_b_max", "res_d_max", "res_m_max")
 PEERS: dict[str, dict[str, Any]] = {
@@ -242,18 +242,14 @@ def as_peer(peer: Peer) -> Callable[[Recorded, StagedProgram], tuple[float, Arra
 
 def table(numbers: dict[str, Any]) -> str:
     """The results as Markdown."""
-    lines = [
-        f"{numbers['machine']}; CPU time [ms]: median / 99.9 % / worst; solved: error at most {SAME:g}",
-        "",
-        "| N | solver | time | over ours | solved | median error |",
-        "| --- | --- | --- | --- | --- | --- |",
-    ]
+    rows = []
     for horizon, found in numbers["horizons"].items():
         for name, one in found.items():
             ms = " / ".join(f"{value:.2g}" for value in one["ms"].values())
             ratio = one["ms"]["median"] / found["ours"]["ms"]["median"]
-            lines.append(f"| {horizon} | {name} | {ms} | {ratio:.2f} | {one['solved']:.1%} | {one['error']:.1e} |")
-    return "\n".join(lines)
+            rows.append((horizon, name, ms, f"{ratio:.2f}", f"{one['solved']:.1%}", f"{one['error']:.1e}"))
+    said = f"{numbers['machine']}; CPU time [ms]: median / 99.9 % / worst; solved: error at most {SAME:g}"
+    return "\n".join([said, "", *tabulated(("N", "solver", "time", "over ours", "solved", "median error"), rows)])
 
 
 @one_blas_thread()

@@ -28,7 +28,7 @@ from drift_drake.drive.loop.drive import Drive, DriveLimits
 from drift_drake.drive.loop.runner import LogFile, make_simulator
 from drift_drake.drive.mpc.plan import Plan
 from drift_drake.drive.reference.trajectory import figure_8
-from experiments.made import write_benchmark
+from experiments.made import tabulated, write_benchmark
 
 DERIVATIVES = "DoCalcTimeDerivatives"
 ERROR = np.array([0.0, 0.0, 0.1, 0.0, 0.5, 0.0])  # at the start, as in `drift-drake drive`
@@ -183,11 +183,9 @@ def run(config: BenchmarkConfig) -> dict[str, Any]:
 
 def table(numbers: dict[str, Any]) -> str:
     """The numbers as Markdown."""
-    lines = [f"{numbers['machine']}; medians", "", "| | | |", "| --- | --- | --- |"]
-    for what, found in numbers.items():
-        if isinstance(found, dict):
-            lines += [f"| {what} | {name} | {value:.3g} |" for name, value in found.items()]
-    return "\n".join(lines)
+    rows = [(what, name, f"{value:.3g}") for what, found in numbers.items() if isinstance(found, dict)
+            for name, value in found.items()]  # fmt: skip
+    return "\n".join([f"{numbers['machine']}; medians", "", *tabulated(("", "", ""), rows)])
 
 
 def main(config: BenchmarkConfig) -> None:

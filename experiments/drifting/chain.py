@@ -39,7 +39,7 @@ from drift_drake.view.pictures.overhead import overhead
 from drift_drake.view.pictures.replay import replay
 from experiments.drifting.runs import Believes, DriveJob, Learnt, Maneuver, closed_loop, reference
 from experiments.gathering.beliefs import SECOND_ROUND
-from experiments.made import write_report
+from experiments.made import tabulated, write_report
 from experiments.other_worlds.true_cars import TrueCar, World, true_car, true_plant
 
 MANEUVERS: tuple[Maneuver, ...] = ("figure_8", "loops")
@@ -126,12 +126,11 @@ def main(config: ChainConfig) -> None:
     for kind, logs in {"lane": drives, "drifts": drifts}.items():
         for i, log in enumerate(logs):
             write_run(log, folder / "logs" / kind / f"run_{i}.csv")
+    rows = [(maneuver, m.outcome, f"{m.completion:.0%}", f"{m.rms_e:.2f}", f"{m.rms_sideslip_error:.3f}")
+            for maneuver, m in ((maneuver, run.metrics()) for maneuver, run in runs.items())]  # fmt: skip
     lines = [f"A {config.plant} car, vehicle {config.vehicle} of draw {config.vehicle_seed}.", "",
              f"- Choice: {choice.sentence()}.", f"- Driven with {name}.", "",
-             "| | outcome | completed | RMS e [m] | RMS sideslip error [rad] |", "| --- " * 5 + "|"]  # fmt: skip
-    for maneuver, run in runs.items():
-        m = run.metrics()
-        lines.append(f"| {maneuver} | {m.outcome} | {m.completion:.0%} | {m.rms_e:.2f} | {m.rms_sideslip_error:.3f} |")
+             *tabulated(("", "outcome", "completed", "RMS e [m]", "RMS sideslip error [rad]"), rows)]  # fmt: skip
     try:
         lines += ["", *(f"- {sentence}" for sentence in diagnosed(drives, drifts, folder))]
     except DriftDrakeError as error:

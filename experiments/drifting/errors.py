@@ -7,8 +7,9 @@ import numpy as np
 from drift_drake.drive.learnt.checkpoint import BayesianModel
 from drift_drake.drive.learnt.features import INPUT_SCALE, STATE_COUNT
 from drift_drake.drive.learnt.posterior import Posterior
-from drift_drake.drive.learnt.quality import learn, rollout_errors, step_errors, step_model
+from drift_drake.drive.learnt.quality import learn, step_model
 from drift_drake.drive.learnt.samples import DRIFTING, Samples, concatenate
+from experiments.model.judging import rollout_errors, step_errors
 
 ROLLOUT_STEPS = 20  # 2 s
 EVERY = 5  # samples from one rollout's start to the next

@@ -23,14 +23,14 @@ from drift_drake.common.errors import InvalidOptionError
 from drift_drake.common.executors import ExecutorConfig
 from drift_drake.common.run_folder import make_run_folder, write_json, write_versions
 from drift_drake.common.safe_files import write_figure, write_table
-from drift_drake.drive.gathering.config import Extra, GatheringConfig, as_in_paper
+from drift_drake.drive.gathering.config import GatheringConfig
 from drift_drake.drive.learnt.adapter import DEFAULT_THRESHOLD
 from drift_drake.drive.learnt.bayesian_step import PathStep
 from drift_drake.drive.learnt.checkpoint import load_model, paper_checkpoint
 from drift_drake.drive.loop.closed_loop import ControlConfig
-from drift_drake.drive.manoeuvres.vehicles import Population
 from drift_drake.view.colours import INK, RUNS
 from drift_drake.view.style import BOUND, new_figure, styled
+from experiments.benchmarks.vehicles import Population
 from experiments.drifting.report import LABELS, completion_table, differences_table, pair_of, summarise
 from experiments.drifting.runs import (
     BELIEFS,
@@ -42,6 +42,7 @@ from experiments.drifting.runs import (
     paper_control,
     run_models,
 )
+from experiments.gathering.recipe import Extra, as_in_paper
 from experiments.made import write_report
 from experiments.settings import keep_settings
 

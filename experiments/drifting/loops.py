@@ -37,7 +37,7 @@ from experiments.drifting.runs import (
     run_models,
     run_name,
 )
-from experiments.made import write_report
+from experiments.made import tabulated, write_report
 
 # A drift is established where the car is this near to the reference's, and stays so for a while.
 MAX_SIDESLIP_ERROR = 0.15  # [rad], a quarter of the drift's
@@ -104,15 +104,13 @@ def summarise_loops(runs: pd.DataFrame) -> dict[str, Any]:
 
 def initiation_table(summary: dict[str, Any]) -> str:
     """The distances until the drift is established, as Markdown."""
-    lines = [
-        "| the controller believes | drift established after, least / median / 90 % / most [m] | never |",
-        "| --- | --- | --- |",
-    ]
+    rows = []
     for model, s in summary.items():
         values = (s["established_after"][name] for name in ("least", "median", "upper", "most"))
         text = " / ".join(f"{value:.0f}" if np.isfinite(value) else "never" for value in values)
-        lines.append(f"| {LABELS.get(model, model)} | {text} | {s['never_established']} of {s['runs']} |")
-    return "\n".join(lines)
+        rows.append((LABELS.get(model, model), text, f"{s['never_established']} of {s['runs']}"))
+    heads = ("the controller believes", "drift established after, least / median / 90 % / most [m]", "never")
+    return "\n".join(tabulated(heads, rows))
 
 
 def main(config: LoopsConfig) -> None:

@@ -37,12 +37,12 @@ from drift_drake.drive.learnt.quality import step_model
 from drift_drake.drive.loop.closed_loop import ClosedLoop, ControlConfig
 from drift_drake.drive.loop.faults import Change
 from drift_drake.drive.loop.metrics import before_spin
-from drift_drake.drive.manoeuvres.vehicles import Population, draw_effects
 from drift_drake.view.colours import INK
 from drift_drake.view.style import BOUND, new_figure, styled
 from experiments.benchmarks.intervals import binomial
+from experiments.benchmarks.vehicles import Population, draw_effects
 from experiments.drifting.runs import DriftConfig, open_folder, reference
-from experiments.made import write_report
+from experiments.made import tabulated, write_report
 
 Group = Literal["calibration", "in distribution", "wide", "friction drop"]
 GROUPS: dict[Group, Population] = {"calibration": "validation", "in distribution": "held_out", "wide": "wide",
@@ -167,26 +167,23 @@ def judge(results: list[dict[str, Any]], config: DetectionConfig) -> dict[str, A
 def report(summary: dict[str, Any], config: DetectionConfig) -> str:
     """The verdict as Markdown."""
     calibration: NullDistribution = summary["calibration"]
-    lines = [
+    threshold = (
         f"Threshold {summary['threshold']:.1f}, for at most {config.false_alarms:.0%} false alarms a drive. On the "
         f"calibration's drives the mean of d^2 over {config.window} samples is {calibration.mean:.1f} (4 where the "
         f"model's covariance is right), with the spread of {calibration.freedom:.1f} degrees of freedom "
-        f"({4 * config.window}, were samples independent).",
-        "",
-        "| drives | alarm raised (95 % interval) | after, median [s] | lost drives, with an alarm before |",
-        "| --- | --- | --- | --- |",
-    ]
+        f"({4 * config.window}, were samples independent)."
+    )
+    rows = []
     for group, s in summary["groups"].items():
         a = s["alarms"]
         if a is None:
-            lines.append(f"| {group} | no drive came so far |  |  |")
+            rows.append((group, "no drive came so far", "", ""))
             continue
         time = f"{s['median_time']:.1f}" if s["median_time"] is not None else ""
-        lines.append(
-            f"| {group} | {a['count']} of {a['total']} ({a['low']:.0%} to {a['high']:.0%}) | {time} "
-            f"| {s['lost']}, {s['lost_with_alarm']} |"
-        )
-    return "\n".join(lines)
+        raised = f"{a['count']} of {a['total']} ({a['low']:.0%} to {a['high']:.0%})"
+        rows.append((group, raised, time, f"{s['lost']}, {s['lost_with_alarm']}"))
+    heads = ("drives", "alarm raised (95 % interval)", "after, median [s]", "lost drives, with an alarm before")
+    return "\n".join([threshold, "", *tabulated(heads, rows)])
 
 
 @styled

@@ -11,10 +11,11 @@ import pandas as pd
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.common.safe_files import write_figure
 from drift_drake.drive.reference.trajectory import Reference
-from drift_drake.view.pictures.overhead import OverheadPanel, overhead_panels
 from drift_drake.view.pictures.time_series import time_series
 from experiments.benchmarks.intervals import by_vehicle, share_by_vehicle
 from experiments.drifting.runs import run_name
+from experiments.made import tabulated
+from experiments.pictures.overhead_panels import OverheadPanel, overhead_panels
 
 LABELS = {
     "nominal": "nominal car",
@@ -119,11 +120,9 @@ def _quantile(values: np.ndarray, q: float) -> float:
 
 def completion_table(summary: dict[str, Any]) -> str:
     """How many runs completed the course, and their errors, over all runs with 95 % intervals, as Markdown."""
-    lines = [
-        "| the controller believes | completed (95 %) | drift held throughout (95 %) | on all attempts | spins "
-        "| RMS e, least / median (95 %) / most [m] | RMS sideslip error, median (95 %) [rad] |",
-        "| --- | --- | --- | --- | --- | --- | --- |",
-    ]
+    heads = ("the controller believes", "completed (95 %)", "drift held throughout (95 %)", "on all attempts", "spins",
+             "RMS e, least / median (95 %) / most [m]", "RMS sideslip error, median (95 %) [rad]")  # fmt: skip
+    rows = []
     for model, s in summary.items():
         e, b = ({q: _said(s[name][q], digits) for q in ("least", "median", "most")}
                 for name, digits in (("rms_e", 2), ("rms_sideslip_error", 3)))  # fmt: skip
@@ -131,12 +130,14 @@ def completion_table(summary: dict[str, Any]) -> str:
                                 for name, digits in (("rms_e", 2), ("rms_sideslip_error", 3)))  # fmt: skip
         completed, drifted = (f"{s[name]:.0%} ({' to '.join(f'{value:.0%}' for value in s[f'{name}_interval'])})"
                               for name in ("completed", "drifted"))  # fmt: skip
-        lines.append(
-            f"| {LABELS.get(model, model)} | {completed} | {drifted} "
-            f"| {s['vehicles_always_drifted']} of {s['vehicles']} vehicles | {s['outcomes'].get('spin', 0)} "
-            f"| {e['least']} / {e['median']} ({between_e}) / {e['most']} | {b['median']} ({between_b}) |"
-        )
-    return "\n".join(lines) + "\n\nA run that was not completed (-) ranks behind all others in its errors."
+        always = f"{s['vehicles_always_drifted']} of {s['vehicles']} vehicles"
+        rows.append((LABELS.get(model, model), completed, drifted, always, s["outcomes"].get("spin", 0),
+                     f"{e['least']} / {e['median']} ({between_e}) / {e['most']}",
+                     f"{b['median']} ({between_b})"))  # fmt: skip
+    return (
+        "\n".join(tabulated(heads, rows))
+        + "\n\nA run that was not completed (-) ranks behind all others in its errors."
+    )
 
 
 def _said(value: float, digits: int) -> str:
@@ -196,19 +197,15 @@ def over_oracle_table(runs: pd.DataFrame) -> str:
         return ""
     by_attempt = by_attempt[np.isfinite(by_attempt["ranked"]["oracle"])]
     errors, strays = by_attempt["ranked"], by_attempt["max_e"] > STRAYED
-    lines = [
-        f"| RMS e over the oracle's | median | most | above {FAR_OFF:g} "
-        f"| beyond {STRAYED:g} m where the oracle is not |",
-        "| --- | --- | --- | --- | --- |",
-    ]
+    heads = ("RMS e over the oracle's", "median", "most", f"above {FAR_OFF:g}",
+             f"beyond {STRAYED:g} m where the oracle is not")  # fmt: skip
+    rows = []
     for model in errors.columns.drop("oracle"):
         ratio = (errors[model] / errors["oracle"]).dropna()
         count, strayed = len(ratio), int((strays[model] & ~strays["oracle"]).sum())
-        lines.append(
-            f"| {LABELS.get(model, model)} | {_said(_quantile(ratio.to_numpy(), 0.5), 2)} | {_said(ratio.max(), 2)} "
-            f"| {int((ratio > FAR_OFF).sum())} of {count} | {strayed} of {count} |"
-        )
-    return "\n".join(lines) + "\n\n"
+        rows.append((LABELS.get(model, model), _said(_quantile(ratio.to_numpy(), 0.5), 2), _said(ratio.max(), 2),
+                     f"{int((ratio > FAR_OFF).sum())} of {count}", f"{strayed} of {count}"))  # fmt: skip
+    return "\n".join(tabulated(heads, rows)) + "\n\n"
 
 
 def ordering_table(runs: pd.DataFrame) -> str:
@@ -230,15 +227,15 @@ def differences_table(rows: Sequence[tuple[str, pd.DataFrame, pd.DataFrame]]) ->
     Shares of runs with 95 % intervals by vehicle, and on how many of the vehicles where one is ahead it is the first by
     the median of its attempts' RMS e (a run that was not completed is infinitely far off).
     """
-    lines = ["| | runs completed | drifts held throughout | less RMS e on |", "| --- | --- | --- | --- |"]
+    found = []
     for label, *pair in rows:
         first, second = (runs.assign(drifted=held(runs), ranked=runs["rms_e"].where(runs["completed"], np.inf))
                          for runs in pair)  # fmt: skip
         cells = [_more(first, second, flag) for flag in ("completed", "drifted")]
         a, b = (scores.groupby("vehicle")["ranked"].median() for scores in (first, second))
         ahead, behind = int((a < b).sum()), int((b < a).sum())
-        lines.append(f"| {label} | {' | '.join(cells)} | {ahead} of {ahead + behind} vehicles |")
-    return "\n".join(lines)
+        found.append((label, *cells, f"{ahead} of {ahead + behind} vehicles"))
+    return "\n".join(tabulated(("", "runs completed", "drifts held throughout", "less RMS e on"), found))
 
 
 def _more(first: pd.DataFrame, second: pd.DataFrame, flag: str) -> str:

@@ -30,7 +30,6 @@ from drift_drake.common.errors import InvalidOptionError, meant
 from drift_drake.common.executors import ExecutorConfig, run_jobs
 from drift_drake.common.run_folder import is_done, write_json
 from drift_drake.common.safe_files import write_table
-from drift_drake.drive.gathering.config import Extra, Recipe
 from drift_drake.drive.learnt.adapter import DEFAULT_THRESHOLD, OFFSET_TIME, BayesianAdapter
 from drift_drake.drive.learnt.bayesian_step import PathStep
 from drift_drake.drive.learnt.checkpoint import BayesianModel, load_model
@@ -38,12 +37,13 @@ from drift_drake.drive.learnt.lag_bank import BANK
 from drift_drake.drive.learnt.posterior import Posterior
 from drift_drake.drive.learnt.quality import step_model
 from drift_drake.drive.loop.closed_loop import ClosedLoop, ControlConfig
-from drift_drake.drive.manoeuvres.vehicles import Population, draw_effects
 from drift_drake.drive.reference.trajectory import Reference, figure_8, loops
 from drift_drake.gap.choose.choice import Choice, Familiar, Findings, usual_error
 from drift_drake.gap.choose.identified import IdentifiedCar
+from experiments.benchmarks.vehicles import Population, draw_effects
 from experiments.gathering.beliefs import ASKED, Attempt, Taught, gather_all
 from experiments.gathering.familiar import SURPRISED, usual_surprise
+from experiments.gathering.recipe import Extra, Recipe
 from experiments.other_worlds.true_cars import TrueCar, World, effects_in, oracle, true_car, true_plant
 from experiments.settings import keep_settings
 

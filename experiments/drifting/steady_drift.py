@@ -26,8 +26,8 @@ from drift_drake.common.run_folder import make_run_folder, write_json, write_ver
 from drift_drake.common.safe_files import write_table
 from drift_drake.drive.learnt.checkpoint import load_model
 from drift_drake.drive.learnt.quality import step_model
-from drift_drake.drive.manoeuvres.vehicles import Population
 from drift_drake.drive.reference.equilibrium import DriftEquilibrium, drift_equilibrium
+from experiments.benchmarks.vehicles import Population
 from experiments.drifting.runs import DriftConfig, open_folder
 from experiments.made import write_report
 

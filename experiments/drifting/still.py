@@ -15,10 +15,10 @@ import tyro
 from diagrams.command import run_command
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.common.errors import DriftDrakeError
-from drift_drake.view.pictures.still import still
 from drift_drake.view.style import save
 from experiments.drifting.report import LABELS
 from experiments.drifting.runs import reference, run_name
+from experiments.pictures.rendered import still
 
 
 class MissingRunError(DriftDrakeError, FileNotFoundError):

@@ -25,7 +25,7 @@ from drift_drake.common.run_folder import machine, make_run_folder
 from experiments.benchmarks.compiled_cases import make_case
 from experiments.benchmarks.drivers import MANOEUVRES
 from experiments.benchmarks.truths import Truth
-from experiments.made import write_benchmark
+from experiments.made import tabulated, write_benchmark
 
 EFFECT = {"aero_drag": 0.6}
 OFF = {"mass": 0.01, "torque": -0.02, "front_stiffness": 0.02}  # of the vehicle file
@@ -144,18 +144,11 @@ def run(config: BenchmarkConfig, folder: Path) -> list[dict[str, Any]]:
 
 def table(rows: Sequence[dict[str, Any]]) -> str:
     """The numbers as Markdown."""
-    lines = [
-        f"{machine()}; the hidden effect is {', '.join(f'{name} {q:g}' for name, q in EFFECT.items())}",
-        "",
-        "| command | runs | logs [s] | hidden effect | peak of memory [GB] | CPU [s] | answer |",
-        "| --- | --- | --- | --- | --- | --- | --- |",
-    ]
-    for row in rows:
-        lines.append(
-            f"| {row['name']} | {row['runs']} | {row['seconds']:,.0f} | {'yes' if row['hidden'] else 'no'} |"
-            f" {row['memory'] / 1000.0:.2f} | {row['cpu']:.0f} | {row['answer']} |"
-        )
-    return "\n".join(lines)
+    heads = ("command", "runs", "logs [s]", "hidden effect", "peak of memory [GB]", "CPU [s]", "answer")
+    cells = [(row["name"], row["runs"], f"{row['seconds']:,.0f}", "yes" if row["hidden"] else "no",
+              f"{row['memory'] / 1000.0:.2f}", f"{row['cpu']:.0f}", row["answer"]) for row in rows]  # fmt: skip
+    effect = ", ".join(f"{name} {q:g}" for name, q in EFFECT.items())
+    return "\n".join([f"{machine()}; the hidden effect is {effect}", "", *tabulated(heads, cells)])
 
 
 def main(config: BenchmarkConfig) -> None:

@@ -27,7 +27,7 @@ from drift_drake.gap.estimation.windows import HORIZONS, STRIDE, errors, windowe
 from experiments.benchmarks.compiled_cases import make_case
 from experiments.benchmarks.truths import Truth
 from experiments.drifting.benchmark_simulation import car_alone, cpu
-from experiments.made import write_benchmark
+from experiments.made import tabulated, write_benchmark
 
 EFFECT = {"rear_stiffness_error": -0.1}
 AHEAD = HORIZONS * STRIDE  # [s]
@@ -97,19 +97,14 @@ def run(config: BenchmarkConfig) -> dict[str, dict[str, Any]]:
 
 def table(numbers: dict[str, dict[str, Any]]) -> str:
     """The numbers as Markdown."""
-    lines = [
-        f"{machine()}; medians (least to most) of {len(next(iter(numbers.values()))['rates'])} calls",
-        "",
-        "| rollout | lasts [s] | a second of CPU | times real time |",
-        "| --- | --- | --- | --- |",
-    ]
+    said = f"{machine()}; medians (least to most) of {len(next(iter(numbers.values()))['rates'])} calls"
+    rows = []
     for name, found in numbers.items():
         rates = np.array(found["rates"])
-        lines.append(
-            f"| {name} | {found['seconds']:.3g} | {np.median(rates):,.1f} ({rates.min():,.1f} to {rates.max():,.1f}) |"
-            f" {found['seconds'] * np.median(rates):,.0f} |"
-        )
-    return "\n".join(lines)
+        rows.append((name, f"{found['seconds']:.3g}",
+                     f"{np.median(rates):,.1f} ({rates.min():,.1f} to {rates.max():,.1f})",
+                     f"{found['seconds'] * np.median(rates):,.0f}"))  # fmt: skip
+    return "\n".join([said, "", *tabulated(("rollout", "lasts [s]", "a second of CPU", "times real time"), rows)])
 
 
 def main(config: BenchmarkConfig) -> None:

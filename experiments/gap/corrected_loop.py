@@ -38,7 +38,7 @@ from drift_drake.view.style import new_figure, save, styled
 from experiments.benchmarks.drake_cases import drake_case
 from experiments.benchmarks.intervals import bootstrap
 from experiments.benchmarks.truths import Truth, drawn_truth, true_car
-from experiments.made import write_report
+from experiments.made import tabulated, write_report
 
 PREDICTORS = ("nominal", "corrected", "real again")
 JUDGED = {"rms_e": "RMS e [m]", "rms_sideslip_error": "RMS sideslip error [rad]", "completion": "completion [-]"}
@@ -134,11 +134,9 @@ def summarise(results: Sequence[dict[str, Any]]) -> dict[str, Any]:
 
 def table(summary: dict[str, Any]) -> str:
     """The summary as Markdown."""
-    lines = [
-        "| predicted by | median error of RMS e [m] | of RMS sideslip error [rad] | Spearman, RMS e | "
-        "completed or not, as the real car |",
-        "| --- | --- | --- | --- | --- |",
-    ]
+    heads = ("predicted by", "median error of RMS e [m]", "of RMS sideslip error [rad]", "Spearman, RMS e",
+             "completed or not, as the real car")  # fmt: skip
+    rows = []
     for predictor in PREDICTORS:
         s = summary[predictor]
         cells = [f"{q['median absolute error']:.4f} ({q['low']:.4f} to {q['high']:.4f})"
@@ -146,8 +144,8 @@ def table(summary: dict[str, Any]) -> str:
         rank = s["rms_e"]["Spearman"]
         cells.append("" if np.isnan(rank) else f"{rank:.2f}")
         cells.append(f"{s['completed or not, as the real car']:.0%}")
-        lines.append(f"| {predictor} | {' | '.join(cells)} |")
-    return "\n".join(lines)
+        rows.append((predictor, *cells))
+    return "\n".join(tabulated(heads, rows))
 
 
 def as_row(result: dict[str, Any]) -> dict[str, Any]:

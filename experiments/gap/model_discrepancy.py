@@ -29,7 +29,7 @@ from experiments.benchmarks.compiled_cases import make_case
 from experiments.benchmarks.intervals import binomial
 from experiments.benchmarks.truths import Truth, drawn_deviations, drawn_magnitude
 from experiments.gap.each_vehicle import Results, each_vehicle
-from experiments.made import write_report
+from experiments.made import tabulated, write_report
 
 DISCREPANCIES = {  # the least and the largest magnitude; a sign is drawn for the compliance steer and the brake
     "tyre_curve": (0.05, 0.3),
@@ -134,13 +134,13 @@ def numbers(results: list[dict[str, Any]]) -> dict[str, Any]:
 def table(results: Results) -> str:
     """A row a car, in Markdown: what it does every day, what was added, and each answer; wrong ones in bold."""
     columns = ["persistent mismatch", "calibrated by", "added on day two", "answer", "nothing added: answer"]
-    lines = [f"| {' | '.join(columns)} |", "| --- " * len(columns) + "|"]
+    rows = []
     for r in results:
         cells = [_listed(r["misfit"]), r["criterion"], _listed(r["effect"])]
         cells += [_answered(r["answers"][day], truth)
                   for day, truth in (("changed", next(iter(r["effect"]))), ("same", "none"))]  # fmt: skip
-        lines.append(f"| {' | '.join(cells)} |")
-    return "\n".join(lines)
+        rows.append(cells)
+    return "\n".join(tabulated(columns, rows))
 
 
 def _listed(magnitudes: dict[str, float]) -> str:
@@ -158,13 +158,13 @@ def _answered(answer: dict[str, Any], truth: str) -> str:
 
 def counts(found: dict[str, Any]) -> str:
     """`numbers` in Markdown."""
-    lines = ["| day two | right | unknown | truth in the ambiguity set |", "| --- " * 4 + "|"]
+    rows = []
     for way, part in found.items():
         if way != "vehicles":
             _, low, high = part["share_right"]
-            lines.append(f"| {way} | {part['right']} of {found['vehicles']} ({low:.2f} to {high:.2f}) | "
-                         f"{part['unknown']} | {part['in_ambiguity_set']} |")  # fmt: skip
-    return "\n".join(lines)
+            right = f"{part['right']} of {found['vehicles']} ({low:.2f} to {high:.2f})"
+            rows.append((way, right, part["unknown"], part["in_ambiguity_set"]))
+    return "\n".join(tabulated(("day two", "right", "unknown", "truth in the ambiguity set"), rows))
 
 
 def main(config: Config) -> None:

@@ -37,7 +37,7 @@ from drift_drake.view.style import new_figure, save, styled
 from experiments.benchmarks.drake_cases import drive
 from experiments.benchmarks.drivers import PERIOD, STEERING_RATE, TORQUE_RATE, slewed
 from experiments.benchmarks.truths import drawn_truth
-from experiments.made import write_report
+from experiments.made import tabulated, write_report
 
 SETTLED = 0.9  # probability of the truth from which on a first log leaves nothing open
 GENTLE, GENTLE_PERIOD = 0.3, 9.0  # [m], [s] of the first drive's sway
@@ -173,18 +173,14 @@ def summarise(cases: Sequence[dict[str, Any]]) -> dict[str, Any]:
 
 def table(summary: dict[str, Any]) -> str:
     """The summary as Markdown."""
-    lines = [
-        f"| diagnosed from ({summary['ambiguous']} cases) | probability of the truth, mean | median | least | "
-        f"truth leads | above {SETTLED:g} |",
-        "| --- | --- | --- | --- | --- | --- |",
-    ]
+    heads = (f"diagnosed from ({summary['ambiguous']} cases)", "probability of the truth, mean", "median", "least",
+             "truth leads", f"above {SETTLED:g}")  # fmt: skip
+    rows = []
     for kind in DRIVES:
         s = summary[kind]
         label = kind if kind == DRIVES[0] else f"with {kind} drive"
-        lines.append(
-            f"| {label} | {s['mean']:.2f} | {s['median']:.2f} | {s['least']:.2f} | {s['leads']} | {s['settled']} |"
-        )
-    return "\n".join(lines)
+        rows.append((label, *(f"{s[q]:.2f}" for q in ("mean", "median", "least")), s["leads"], s["settled"]))
+    return "\n".join(tabulated(heads, rows))
 
 
 @styled

@@ -21,13 +21,14 @@ from diagrams.command import run_command
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.common.executors import ExecutorConfig, run_jobs
 from drift_drake.common.run_folder import is_done, make_run_folder, write_json, write_versions
-from drift_drake.drive.gathering.config import GatheringConfig, as_in_paper
+from drift_drake.drive.gathering.config import GatheringConfig
 from drift_drake.drive.gathering.gather import taught
 from drift_drake.drive.gathering.plan import InfeasiblePlanError, Trajectory, plan_again, plan_drive
 from drift_drake.drive.learnt.checkpoint import BayesianModel, load_model, paper_checkpoint
 from drift_drake.drive.learnt.posterior import covariance_norms
-from drift_drake.drive.manoeuvres.vehicles import Population, draw_effects
-from experiments.made import write_report
+from experiments.benchmarks.vehicles import Population, draw_effects
+from experiments.gathering.recipe import as_in_paper
+from experiments.made import tabulated, write_report
 from experiments.settings import keep_settings
 
 AS_MUCH = 0.98  # of the most information, from which on a weight tells as much
@@ -122,22 +123,19 @@ def chosen(weights: Mapping[float, Mapping[str, Any]]) -> float:
 
 def report(summary: Mapping[str, Any]) -> str:
     """A row a weight, as Markdown."""
-    lines = [
-        "| alpha [1/nat] | first plans converged | plans failed, of "
-        f"{2 * summary['vehicles']} | information of the first drive, of the second, of both, median [nat] "
-        "| prior's total norm over Twice-Info's, median | slowest speed planned [m/s] | most sideslip planned [rad] |",
-        "| --- | --- | --- | --- | --- | --- | --- |",
-    ]
+    heads = ("alpha [1/nat]", "first plans converged", f"plans failed, of {2 * summary['vehicles']}",
+             "information of the first drive, of the second, of both, median [nat]",
+             "prior's total norm over Twice-Info's, median", "slowest speed planned [m/s]",
+             "most sideslip planned [rad]")  # fmt: skip
+    rows = []
     for alpha, entry in summary["weights"].items():
         tried = entry["first plans"]
         figures = ", ".join(f"{entry[name]:.1f}" for name in ("first", "second", "both"))
         planned = ["-" if entry[name] is None else f"{entry[name]:.2f}" for name in ("slowest", "sideslip")]
         ratio = "-" if entry["norm_ratio"] is None else f"{entry['norm_ratio']:.0f}"
-        lines.append(
-            f"| {alpha:g} | {tried['converged']} of {tried['tried']} draws of guesses | {entry['failed']} | {figures} "
-            f"| {ratio} | {' | '.join(planned)} |"
-        )
-    return "\n".join([*lines, "", f"Chosen: {summary['chosen']:g}."])
+        converged = f"{tried['converged']} of {tried['tried']} draws of guesses"
+        rows.append((f"{alpha:g}", converged, entry["failed"], figures, ratio, *planned))
+    return "\n".join([*tabulated(heads, rows), "", f"Chosen: {summary['chosen']:g}."])
 
 
 def main(config: AlphaConfig) -> None:

@@ -24,9 +24,9 @@ from drift_drake.drive.gathering.config import GatheringConfig
 from drift_drake.drive.gathering.gather import gather, learn_drive, plan_rest
 from drift_drake.drive.gathering.plan import Trajectory, plan_again, plan_drive
 from drift_drake.drive.learnt.checkpoint import load_model
-from drift_drake.drive.manoeuvres.vehicles import draw_effects
 from drift_drake.drive.mpc.sqp import LineSearchSqp
-from experiments.made import write_benchmark
+from experiments.benchmarks.vehicles import draw_effects
+from experiments.made import tabulated, write_benchmark
 
 PLANS = ("OCP", "Info-OCP, first", "Info-OCP, later", "Info-OCP, replanned")
 REPLAN = 0.5  # [s] from one plan to the next
@@ -101,23 +101,18 @@ def replanned(first: Trajectory, effects: Effects, gathering: GatheringConfig, s
 
 def table(numbers: dict[str, Any]) -> str:
     """The numbers as Markdown."""
-    lines = [
-        f"{numbers['machine']}; medians and most of {len(numbers['vehicles'])} vehicles",
-        "",
-        "| plan | CPU time [s] | of it before the SQP [ms] | SQP iterations | an iteration [ms] | over OCP's |",
-        "| --- | --- | --- | --- | --- | --- |",
-    ]
+    said = f"{numbers['machine']}; medians and most of {len(numbers['vehicles'])} vehicles"
+    heads = ("plan", "CPU time [s]", "of it before the SQP [ms]", "SQP iterations", "an iteration [ms]", "over OCP's")
+    rows = []
     found = {plan: {name: np.array([each[plan][name] for each in numbers["vehicles"]])
                     for name in ("seconds", "setting up", "iterations", "an iteration")} for plan in PLANS}  # fmt: skip
     straight = np.median(found["OCP"]["an iteration"])
     for plan, by_name in found.items():
         seconds, before, iterations, each = by_name.values()
-        lines.append(
-            f"| {plan} | {np.median(seconds):.2f} / {seconds.max():.2f} | {1e3 * np.median(before):.0f} |"
-            f" {np.median(iterations):.0f} /"
-            f" {iterations.max():.0f} | {1e3 * np.median(each):.1f} | {np.median(each) / straight:.2f} |"
-        )
-    return "\n".join(lines)
+        rows.append((plan, f"{np.median(seconds):.2f} / {seconds.max():.2f}", f"{1e3 * np.median(before):.0f}",
+                     f"{np.median(iterations):.0f} / {iterations.max():.0f}", f"{1e3 * np.median(each):.1f}",
+                     f"{np.median(each) / straight:.2f}"))  # fmt: skip
+    return "\n".join([said, "", *tabulated(heads, rows)])
 
 
 def main(config: BenchmarkConfig) -> None:

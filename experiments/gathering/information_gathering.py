@@ -29,18 +29,19 @@ from drift_drake.common.errors import DriftDrakeError
 from drift_drake.common.executors import ExecutorConfig, run_jobs
 from drift_drake.common.run_folder import is_done, make_run_folder, write_json, write_versions
 from drift_drake.common.safe_files import write_arrays, write_table
-from drift_drake.drive.gathering.config import GatheringConfig, Recipe
+from drift_drake.drive.gathering.config import GatheringConfig
 from drift_drake.drive.gathering.gather import taught
 from drift_drake.drive.gathering.plan import InfeasiblePlanError, Trajectory, plan_again, plan_drive
 from drift_drake.drive.learnt.checkpoint import BayesianModel, load_model
 from drift_drake.drive.learnt.command_lag import lagged_commands
 from drift_drake.drive.learnt.posterior import Posterior, covariance_norms, weighed
 from drift_drake.drive.learnt.samples import load_samples
-from drift_drake.drive.manoeuvres.drivers import wander
-from drift_drake.drive.manoeuvres.vehicles import Population, draw_effects
 from drift_drake.drive.mpc.plan import DT
+from experiments.benchmarks.drifters import wander
+from experiments.benchmarks.vehicles import Population, draw_effects
 from experiments.drifting.errors import drifting_errors, judged_by_halves
 from experiments.gathering.pictures import draw_all
+from experiments.gathering.recipe import Recipe
 from experiments.gathering.summary import markdown, summarise, summarise_halves
 from experiments.made import write_report
 

@@ -30,19 +30,12 @@ from drift_drake.drive.gathering.plan import InfeasiblePlanError, Trajectory, pl
 from drift_drake.drive.learnt.checkpoint import BayesianModel, load_model
 from drift_drake.drive.learnt.posterior import Posterior
 from drift_drake.drive.learnt.quality import learn
-from drift_drake.drive.learnt.samples import (
-    DECIMATION,
-    Samples,
-    all_phases,
-    concatenate,
-    samples_from_log,
-    save_samples,
-)
+from drift_drake.drive.learnt.samples import DECIMATION, Samples, concatenate, samples_from_log, save_samples
 from drift_drake.drive.learnt.training_config import LANE_ROUND
-from drift_drake.drive.manoeuvres.drivers import wander
-from drift_drake.drive.manoeuvres.vehicles import POPULATIONS, Population, draw_effects
 from drift_drake.drive.mpc.plan import DT
-from experiments.model.drives import join_vehicles
+from experiments.benchmarks.drifters import wander
+from experiments.benchmarks.vehicles import POPULATIONS, Population, draw_effects
+from experiments.model.drives import all_phases, join_vehicles
 
 # A vehicle's drives: information gathering's first plan, a plan out of the pool of all vehicles, such a plan with its
 # inputs shaken, or a plan of its own, made with what has been learnt since the last one that was not.

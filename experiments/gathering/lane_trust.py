@@ -25,15 +25,15 @@ from drift_drake.common.arrays import Array
 from drift_drake.common.executors import ExecutorConfig
 from drift_drake.common.run_folder import make_run_folder, write_json, write_versions
 from drift_drake.common.safe_files import write_figure
-from drift_drake.drive.gathering.config import Recipe
 from drift_drake.drive.learnt.checkpoint import BayesianModel, load_model
-from drift_drake.drive.manoeuvres.vehicles import EXTREME, Population, draw_effects
 from drift_drake.gap.choose.choice import REFUSED, Choice, Familiar, Findings
 from drift_drake.view.colours import INK, RUNS
 from drift_drake.view.style import BOUND, new_figure, styled
+from experiments.benchmarks.vehicles import EXTREME, Population, draw_effects
 from experiments.gathering.beliefs import gather_all
 from experiments.gathering.familiar import SURPRISED, familiar_from, keep_usual
-from experiments.made import write_report
+from experiments.gathering.recipe import Recipe
+from experiments.made import tabulated, write_report
 from experiments.other_worlds.true_cars import World, effects_in, true_car
 from experiments.settings import keep_settings
 
@@ -108,18 +108,16 @@ def report(found: dict[str, Found], surprise: Familiar, error: Familiar) -> str:
         f"Beyond its limit are, of vehicles as they should be, {SURPRISED:.1%} in the first drive's mean squared "
         f"distance ({first:.1f}), and {REFUSED:.1%} in the forecast error of the car that both identify ({limit:.4f}).",
         "",
-        "| vehicles | mean squared distance, least / median / most | refused by it "
-        "| forecast error, identified car as it is | and further | believed |",
-        "| --- | --- | --- | --- | --- | --- |",
     ]
+    heads = ("vehicles", "mean squared distance, least / median / most", "refused by it",
+             "forecast error, identified car as it is", "and further", "believed")  # fmt: skip
+    rows = []
     for name, f in found.items():
         refused, count = int(np.sum(f.surprise > first)), len(f.surprise)
         believed = sum(Choice(Findings(None, value), limit).believed == "identified" for value in f.further)
-        lines.append(
-            f"| {name} | {spread(f.surprise, 1)} | {refused} of {count} | {spread(f.identified, 3)} "
-            f"| {spread(f.further, 3)} | {believed} of {count} |"
-        )
-    return "\n".join(lines)
+        rows.append((name, spread(f.surprise, 1), f"{refused} of {count}", spread(f.identified, 3),
+                     spread(f.further, 3), f"{believed} of {count}"))  # fmt: skip
+    return "\n".join([*lines, *tabulated(heads, rows)])
 
 
 def spread(values: Array, digits: int) -> str:

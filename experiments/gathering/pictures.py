@@ -12,12 +12,13 @@ import pandas as pd
 
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.common.safe_files import write_figure
-from drift_drake.drive.gathering.config import GatheringConfig, lane, lane_for_pictures
+from drift_drake.drive.gathering.config import GatheringConfig, lane
 from drift_drake.drive.learnt.checkpoint import BayesianModel
 from drift_drake.drive.learnt.posterior import Posterior
-from drift_drake.drive.manoeuvres.vehicles import Population, draw_effects
 from drift_drake.view.pictures.overhead import overhead
 from drift_drake.view.pictures.time_series import time_series
+from experiments.benchmarks.vehicles import Population, draw_effects
+from experiments.gathering.recipe import lane_for_pictures
 from experiments.gathering.summary import MODELS, entry
 from experiments.model.uncertainties import draw_uncertainties
 

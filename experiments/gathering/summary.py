@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from drift_drake.drive.gathering.plan import CONVERGED
+from experiments.made import tabulated
 
 MODELS = ("prior", "Once-OCP", "Once-Info", "Twice-Info", "random steering", "slalom")
 STATES = ("r", "v", "beta", "omega_r")
@@ -164,17 +165,13 @@ def _cell(spread: dict[str, float]) -> str:
 
 
 def _norms(summary: dict[str, Any]) -> list[str]:
-    lines = [
-        f"Covariance norms, median (range) over {summary['vehicles']} vehicles; the paper's in the last column",
-        "",
-        "| model | r | v | beta | omega_r | total | paper's total |",
-        "| --- | --- | --- | --- | --- | --- | --- |",
-    ]
+    said = f"Covariance norms, median (range) over {summary['vehicles']} vehicles; the paper's in the last column"
+    rows = []
     for name, model in summary["models"].items():
         cells = [_cell(model[f"norm_{state}"]) for state in STATES]
         paper = f"{PAPER[name][-1]:g}" if name in PAPER else ""
-        lines.append(f"| {name} | {' | '.join(cells)} | {_cell(model['total'])} | {paper} |")
-    return lines
+        rows.append((name, *cells, _cell(model["total"]), paper))
+    return [said, "", *tabulated(("model", "r", "v", "beta", "omega_r", "total", "paper's total"), rows)]
 
 
 def _errors(summary: dict[str, Any]) -> list[str]:
@@ -182,47 +179,39 @@ def _errors(summary: dict[str, Any]) -> list[str]:
         "Error in held-out drifts (one step in units of the model's noise; 2 s rollouts in units of the inputs' scale)",
         "and the true vehicle's largest excursions",
         "",
-        "| model | one step | 2 s rollout | abs(e) [m] | abs(beta) [rad] | left the lane | not driven to the end |",
-        "| --- | --- | --- | --- | --- | --- | --- |",
     ]
+    heads = ("model", "one step", "2 s rollout", "abs(e) [m]", "abs(beta) [rad]", "left the lane",
+             "not driven to the end")  # fmt: skip
+    rows = []
     for name, model in summary["models"].items():
-        safety = (
-            f"{_cell(model['max_e'])} | {_cell(model['max_beta'])} | {model['left the lane']} | "
-            f"{model['not driven to the end']}"
-            if "max_e" in model
-            else "| | |"
-        )
-        lines.append(f"| {name} | {_cell(model['one_step_scaled'])} | {_cell(model['rollout_scaled'])} | {safety} |")
-    return lines
+        safety = [""] * 4
+        if "max_e" in model:
+            safety = [_cell(model["max_e"]), _cell(model["max_beta"]), *(model[head] for head in heads[5:])]
+        rows.append((name, _cell(model["one_step_scaled"]), _cell(model["rollout_scaled"]), *safety))
+    return [*lines, *tabulated(heads, rows)]
 
 
 def _rounds(summary: dict[str, Any]) -> list[str]:
-    lines = [
-        "| round | driven [s] | predicted [nat] | obtained [nat] | total norm | one step | after 2 s | abs(e) "
-        "| abs(beta) | left the lane | broken off | CPU time of the vehicle's own plan [s] |",
-        "| --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |",
-    ]
+    heads = ("round", "driven [s]", "predicted [nat]", "obtained [nat]", "total norm", "one step", "after 2 s",
+             "abs(e)", "abs(beta)", "left the lane", "broken off",
+             "CPU time of the vehicle's own plan [s]")  # fmt: skip
+    rows = []
     for k, found in enumerate(summary["rounds"]):
         keys = ("driven_s", "predicted", "obtained", "total", "one_step_scaled", "rollout_scaled", "max_e", "max_beta")
         cells = [_cell(found[key]) for key in keys]
         cells += [str(found[key]) for key in ("left the lane", "not driven to the end")]
         cells += [_cell(found["plan_seconds"]) if k > 0 else ""]  # the first plan is all vehicles'
-        lines.append(f"| {k + 1} | {' | '.join(cells)} |")
-    return lines
+        rows.append((k + 1, *cells))
+    return tabulated(heads, rows)
 
 
 def _halves(summary: dict[str, Any]) -> list[str]:
-    lines = [
-        "Error in drifts on half of a vehicle's own drives, also after learning from the other half",
-        "",
-        "| model | one step | 2 s rollout | below Once-Info: one step | 2 s |",
-        "| --- | --- | --- | --- | --- |",
-    ]
+    said = "Error in drifts on half of a vehicle's own drives, also after learning from the other half"
+    rows = []
     for name, kinds in summary.get("halves", {}).items():
         cells = [_cell(kinds[kind]) for kind in ("one_step", "rollout")]
-        cells += [str(kinds[kind]["below Once-Info"]) for kind in ("one_step", "rollout")]
-        lines.append(f"| {name} | {' | '.join(cells)} |")
-    return lines
+        rows.append((name, *cells, *(kinds[kind]["below Once-Info"] for kind in ("one_step", "rollout"))))
+    return [said, "", *tabulated(("model", "one step", "2 s rollout", "below Once-Info: one step", "2 s"), rows)]
 
 
 def _sentences(summary: dict[str, Any]) -> list[str]:

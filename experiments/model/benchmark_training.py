@@ -16,7 +16,7 @@ from diagrams.command import run_command
 from drift_drake.common.run_folder import machine, make_run_folder
 from drift_drake.drive.learnt.meta_training import train
 from drift_drake.drive.learnt.training_config import TrainingConfig
-from experiments.made import write_benchmark
+from experiments.made import tabulated, write_benchmark
 
 
 @dataclasses.dataclass(frozen=True)
@@ -59,17 +59,13 @@ def timed(config: BenchmarkConfig, device: str, folder: Path) -> dict[str, Any]:
 
 def table(numbers: dict[str, Any]) -> str:
     """The summary as Markdown."""
-    lines = [
-        f"{numbers['machine']}; {numbers['samples']}",
-        "",
-        "| device | to the target [s] | epochs | an epoch [s] | objective reached |",
-        "| --- | --- | --- | --- | --- |",
-    ]
+    rows = []
     for found in numbers["devices"].values():
         reached = found["seconds to the target"]
-        cells = ["not reached" if reached is None else f"{reached:.0f}", f"{found['epochs']}",
-                 f"{found['seconds an epoch']:.2f}", f"{found['validation']:.2f}"]  # fmt: skip
-        lines.append(f"| {found['device']} | " + " | ".join(cells) + " |")
+        rows.append((found["device"], "not reached" if reached is None else f"{reached:.0f}", found["epochs"],
+                     f"{found['seconds an epoch']:.2f}", f"{found['validation']:.2f}"))  # fmt: skip
+    heads = ("device", "to the target [s]", "epochs", "an epoch [s]", "objective reached")
+    lines = [f"{numbers['machine']}; {numbers['samples']}", "", *tabulated(heads, rows)]
     if "ratio" in numbers:
         lines += ["", f"The GPU takes 1/{numbers['ratio']:.1f} of the CPU's time an epoch."]
     return "\n".join(lines)

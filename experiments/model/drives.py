@@ -31,10 +31,8 @@ from drift_drake.common.run_folder import is_done
 from drift_drake.common.safe_files import write_text
 from drift_drake.drive.learnt.samples import (
     DECIMATION,
-    MIN_SAMPLES,
     PHASE_STRIDE,
     Samples,
-    all_phases,
     concatenate,
     content_hash,
     load_samples,
@@ -42,14 +40,16 @@ from drift_drake.drive.learnt.samples import (
     save_samples,
 )
 from drift_drake.drive.loop.drive import Drive
-from drift_drake.drive.manoeuvres.drivers import ROW_PERIOD, HoldDriver, dither, manual_script, wander
-from drift_drake.drive.manoeuvres.vehicles import POPULATIONS, Population, draw_effects
+from drift_drake.drive.manoeuvres.drivers import ROW_PERIOD
 from drift_drake.drive.mpc.controller import MpcController
 from drift_drake.drive.mpc.mpc import Mpc
 from drift_drake.drive.mpc.plan import DT, Plan
 from drift_drake.drive.reference.equilibrium import drift_equilibrium
 from drift_drake.drive.reference.trajectory import Reference, figure_8, loops
+from experiments.benchmarks.drifters import HoldDriver, dither, manual_script, wander
+from experiments.benchmarks.vehicles import POPULATIONS, Population, draw_effects
 
+MIN_SAMPLES = 5  # a drive shorter than this teaches nothing
 # Kind of drive and its longest duration [s], in the order in which a vehicle is driven, from a place of its own on.
 SCHEDULE = (
     ("mpc_figure_8", 9.0),
@@ -222,6 +222,20 @@ def _reference(kind: str, believed: VehicleParameters, generator: np.random.Gene
 def _true_parameters(parameters: VehicleParameters, effects: Effects) -> VehicleParameters:
     """What of the true vehicle fits into the nominal car's parameters (not its lags, drag or load transfer)."""
     return parameters.with_constants(changed_constants(parameters.constants(), effects))
+
+
+def all_phases(parts: list[list[Samples]]) -> Samples:
+    """One table of all ten ways to take every tenth row, the phases one after the other, each a drive of its own.
+
+    Args:
+        parts: [phase][drive].
+    """
+    numbered, drives = [], 0
+    for drives_of_phase in parts:
+        for samples in drives_of_phase:
+            numbered.append(samples._replace(drive=np.full(len(samples.x), drives)))
+            drives += 1
+    return concatenate(numbered)
 
 
 if __name__ == "__main__":

@@ -24,14 +24,15 @@ from drift_drake.cli.train import Train, run_train
 from drift_drake.common.executors import ExecutorConfig
 from drift_drake.common.run_folder import write_json
 from drift_drake.drive.learnt.checkpoint import load_model, paper_checkpoint
-from drift_drake.drive.learnt.quality import judge_stepper, quality_by_points, split_vehicle
+from drift_drake.drive.learnt.quality import split_vehicle
 from drift_drake.drive.learnt.samples import load_samples
 from drift_drake.drive.learnt.training_config import Recipe, TrainingConfig, with_recipe
 from experiments.benchmarks.intervals import bootstrap
 from experiments.gathering import lane_drives
-from experiments.made import write_report
+from experiments.made import tabulated, write_report
 from experiments.model import drives
 from experiments.model.build import UNLIMITED, Stage, do_stages
+from experiments.model.judging import judge_stepper, quality_by_points
 
 POINTS, STEPS = (0, 100), 20  # samples adapted to; steps of 0.1 s of a rollout
 STEPS_OF_AN_EPOCH = 12  # gradient steps of the paper's recipe on 35 vehicles
@@ -125,16 +126,16 @@ def markdown(result: dict[str, Any]) -> str:
     """Each model's errors over the nominal car's, and after the last number of samples over those of the one before."""
     heads = [f"{what}, {count}" for what in ("one step", "2 s", "within 3 s.d.") for count in POINTS]
     heads += ["one step, over the one before", "2 s, over the one before"]
-    lines = [f"| | {' | '.join(heads)} |", "| --- " * (1 + len(heads)) + "|"]
+    rows = []
     errors, before = ("one_step", "two_seconds"), None
     for name, what in WHAT.items():
         found, last = result[name], result[name][str(max(POINTS))]
         cells = [relative(found[str(count)], result["nominal"], error) for error in errors for count in POINTS]
         cells += [f"{100.0 * np.mean(found[str(count)]['within']):.1f} %" for count in POINTS]
         cells += ["" if before is None else relative(last, before, error) for error in errors]
-        lines.append(f"| {what} | {' | '.join(cells)} |")
+        rows.append((what, *cells))
         before = last
-    return "\n".join(lines)
+    return "\n".join(tabulated(("", *heads), rows))
 
 
 def main(config: LadderConfig) -> None:

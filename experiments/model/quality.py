@@ -26,21 +26,17 @@ from drift_drake.common.run_folder import make_run_folder, write_json, write_ver
 from drift_drake.common.safe_files import write_figure
 from drift_drake.drive.learnt.checkpoint import BayesianModel, load_model
 from drift_drake.drive.learnt.posterior import covariance_norms
-from drift_drake.drive.learnt.quality import (
+from drift_drake.drive.learnt.quality import Split, adapted, split_vehicle, standardized_errors, step_model
+from drift_drake.drive.learnt.samples import concatenate, load_samples
+from experiments.benchmarks.vehicles import Population, draw_effects
+from experiments.made import tabulated, write_report
+from experiments.model.judging import (
     GAUSSIAN_COVERAGE,
-    Split,
-    adapted,
     judge_stepper,
     quality_by_points,
     rollout_errors,
     rollout_summary,
-    split_vehicle,
-    standardized_errors,
-    step_model,
 )
-from drift_drake.drive.learnt.samples import concatenate, load_samples
-from drift_drake.drive.manoeuvres.vehicles import Population, draw_effects
-from experiments.made import write_report
 from experiments.model.uncertainties import draw_uncertainties
 
 POINTS = (0, 1, 2, 5, 10, 20, 50, 100)
@@ -142,9 +138,8 @@ def table(result: dict[str, Any], population: Population) -> str:
     for name in ("Bayesian", "paper's recipe"):
         for count in REPORTED if name in found else ():
             rows[f"{name}, {f'after {count} points' if count else 'not adapted'}"] = found[name][str(count)]["rms"]
-    lines = [f"| {TITLES[population]} | {' | '.join(STATES)} |", "| --- " * 5 + "|"]
-    lines += [f"| {name} | {' | '.join(f'{error:.2g}' for error in errors[:4])} |" for name, errors in rows.items()]
-    return "\n".join(lines)
+    cells = [(name, *(f"{error:.2g}" for error in errors[:4])) for name, errors in rows.items()]
+    return "\n".join(tabulated((TITLES[population], *STATES), cells))
 
 
 def draw_errors(result: dict[str, Any], file: Path) -> None:

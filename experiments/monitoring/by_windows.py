@@ -23,7 +23,7 @@ from drift_drake.car.vehicle_file import write_vehicle
 from drift_drake.common.run_folder import write_json
 from drift_drake.gap.identification.identify import identify
 from drift_drake.gap.monitoring.watch_log import OF_A_CHANGE, watch
-from experiments.made import write_report
+from experiments.made import tabulated, write_report
 from experiments.monitoring.drives import changed_double_track_drive
 from experiments.other_worlds.days import Days, first_guess, make_day, smoothed
 from experiments.other_worlds.drivers import DAY_ONE, OTHER
@@ -122,19 +122,18 @@ def table(found: Sequence[Watched]) -> str:
     calm, changed = [w for w in found if not w.effect], [w for w in found if w.effect]
     hours = (sum(w.judged for w in calm) + sum(min(ONSET, w.judged) for w in changed)) / 3600.0
     alarms = sum(w.reported is not None for w in calm) + sum(w.early > 0 for w in changed)
-    rows = [
-        "| changes | reported within 3 s | at all | last cause right | median delay [s] |",
-        "| --- | --- | --- | --- | --- |",
-    ]
+    rows = []
     for label, some in (("all", changed), ("that the drive could show", [w for w in changed if w.shown])):
         hit = [w for w in some if w.reported is not None]
         soon = sum(w.reported is not None and w.reported <= SOON for w in some)
         right = sum(w.cause == w.effect for w in hit)
         delay = f"{np.median([w.reported for w in hit if w.reported is not None]):.1f}" if hit else "-"
-        rows.append(f"| {label}: {len(some)} | {soon} | {len(hit)} | {right} of {len(hit)} | {delay} |")
+        rows.append((f"{label}: {len(some)}", soon, len(hit), f"{right} of {len(hit)}", delay))
+    heads = ("changes", "reported within 3 s", "at all", "last cause right", "median delay [s]")
     share = sum(w.judged for w in calm) / max(sum(w.seconds for w in calm), 1e-9)
     return "\n".join([
-        *rows, "", f"Without a change: {alarms} false alarms in {hours:.2f} h that could be judged ({share:.0%} of it)."
+        *tabulated(heads, rows), "",
+        f"Without a change: {alarms} false alarms in {hours:.2f} h that could be judged ({share:.0%} of it).",
     ])  # fmt: skip
 
 

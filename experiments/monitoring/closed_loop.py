@@ -33,14 +33,14 @@ from drift_drake.drive.learnt.lag_bank import BANK
 from drift_drake.drive.learnt.quality import step_model
 from drift_drake.drive.loop.closed_loop import ClosedLoop
 from drift_drake.drive.loop.faults import Change, Fault
-from drift_drake.drive.loop.true_plant import plant_of
 from drift_drake.drive.reference.trajectory import Reference, figure_8
 from drift_drake.gap.monitoring.baselines import with_baseline_scores
 from drift_drake.gap.monitoring.in_loop import CORRECTING, GapWatch, Policy, events_of
 from drift_drake.gap.monitoring.monitor import Monitor, make_monitor
 from drift_drake.gap.monitoring.watch import WATCHED
 from experiments.benchmarks.intervals import binomial
-from experiments.made import write_report
+from experiments.made import tabulated, write_report
+from experiments.other_worlds.true_cars import true_plant
 
 Mode = Literal["off", "watch", "correct", "slow", "correct_or_slow", "online", "online_forget"]
 POLICIES: dict[Mode, Policy] = {
@@ -118,7 +118,7 @@ def closed_loop(
         model, adapter = step_model(learnt, learnt.prior()), BayesianAdapter(learnt, lags=BANK)
     effects, car = Effects(aero_drag=1e-9), None
     if plant == "double_track":
-        effects, car = Effects(), plant_of(plant, Effects(), reference(plant).path)
+        effects, car = Effects(), true_plant(plant, Effects(), reference(plant).path)
     return ClosedLoop(vehicle, reference(plant), model, effects, faults=faults, plant=car, adapter=adapter,
                       watch=None if monitor is None else GapWatch(monitor, policy))  # fmt: skip
 
@@ -170,31 +170,28 @@ def disturbances(name: str, effects: Effects, onset: float) -> tuple[list[Fault]
 
 def table(results: Sequence[dict[str, Any]]) -> str:
     """What became of each kind of change, as a Markdown table; errors: median (quartiles) of completed drives."""
-    lines = [
-        "| plant | change | monitor | completed | 95 % | RMS e [m] | driven slowly | reported after [s] | named |",
-        "| --- " * 9 + "|",
-    ]
+    heads = ("plant", "change", "monitor", "completed", "95 %", "RMS e [m]", "driven slowly", "reported after [s]",
+             "named")  # fmt: skip
+    rows = []
     keys = dict.fromkeys((r["plant"], r["change"], r["mode"]) for r in results)
     for key in sorted(keys, key=lambda k: (k[0] != "nominal", list(CHANGES).index(k[1]), list(POLICIES).index(k[2]))):
         some = [r for r in results if (r["plant"], r["change"], r["mode"]) == key]
-        lines.append(f"| {' | '.join(key)} | {row(some)} |")
-    return "\n".join(lines)
+        rows.append((*key, *row(some)))
+    return "\n".join(tabulated(heads, rows))
 
 
-def row(some: Sequence[dict[str, Any]]) -> str:
+def row(some: Sequence[dict[str, Any]]) -> list[str]:
     """The table's cells of drives of one kind."""
     completed = [r for r in some if r["metrics"]["outcome"] == "completed"]
     _, low, high = binomial(len(completed), len(some), "wilson")
     e = np.percentile([r["metrics"]["rms_e"] for r in completed], [50, 25, 75]) if completed else [np.nan] * 3
     cells = [f"{len(completed)} of {len(some)}", f"{low:.2f} to {high:.2f}", f"{e[0]:.2f} ({e[1]:.2f} to {e[2]:.2f})"]
     if some[0]["mode"] in ("off", "online"):
-        return " | ".join([*cells, "-", "-", "-"])
+        return [*cells, "-", "-", "-"]
     delays = [next((e["t"] for e in r["events"] if e["t"] > r["onset"]), np.inf) - r["onset"] for r in some]
     right = sum(any(e.get("cause") in CHANGES[r["change"]] for e in r["events"]) for r in some)
     slow = np.median([r["slow"] for r in some])
-    return " | ".join(
-        [*cells, f"{slow:.0%}", f"{np.median(delays):.1f}".replace("inf", "-"), f"{right} of {len(some)}"]
-    )
+    return [*cells, f"{slow:.0%}", f"{np.median(delays):.1f}".replace("inf", "-"), f"{right} of {len(some)}"]
 
 
 def pairs(results: Sequence[dict[str, Any]]) -> str:

@@ -6,12 +6,12 @@ from typing import Any
 import numpy as np
 
 from drift_drake.car.double_track.parameters import CARS
-from drift_drake.car.double_track.plant import LOG_STATES, advance, start
 from drift_drake.car.effects.magnitudes import Effects, combined
 from drift_drake.car.log.table import Run
 from drift_drake.car.parameters import VehicleParameters
 from experiments.benchmarks.compiled_cases import NOISE, drive_rows, sensed
 from experiments.benchmarks.drivers import PERIOD, SLOWEST, SPIN, Driver
+from experiments.benchmarks.rows import advance, by_rows, start
 from experiments.benchmarks.strange_effects import make_strange
 from experiments.benchmarks.truths import true_constants
 from experiments.other_worlds.drivers import DayDriver
@@ -44,22 +44,16 @@ def changed_double_track_drive(
     """The same of a double-track car (`CARS`); `kind`: of `drivers.DAY_ONE` or `drivers.OTHER`."""
     parameters = CARS[car]
     driver, p = DayDriver(kind, np.random.default_rng([seed, 0]), parameters), parameters.constants()
-    rows, nominal = round(duration / PERIOD) + 1, Effects()
-    delta, tau = np.zeros(rows), np.zeros(rows)
-    states, accelerations = np.zeros((rows, len(LOG_STATES))), np.zeros((rows, 2))
-    states[0], accelerations[0] = start(driver.start(), (0.0, 0.0), p, nominal)
-    end, change = rows, round(onset / PERIOD)
-    for row in range(rows - 1):
-        if row == change:
-            states[row, 7:9] = delta[row], tau[row]
-        z = states[row]
-        delta[row + 1], tau[row + 1] = driver.command(row * PERIOD, z, (delta[row], tau[row]))
-        now = effects if row >= change else nominal
-        states[row + 1], accelerations[row + 1] = advance(z, row, delta, tau, p, now)
-        if abs(states[row + 1, 2]) > SPIN or states[row + 1, 1] < SLOWEST:
-            end = row + 1
-            break
-    return sensed_across(states[:end], accelerations[:end], delta[:end], tau[:end], effects, onset, seed)
+    change, resting, nominal = round(onset / PERIOD), (0.0, 0.0), Effects()
+
+    def advanced(z: np.ndarray, row: int, delta: np.ndarray, tau: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        if row == change:  # actuators that begin to lag do so from the commands
+            z = np.concatenate([z[:7], [delta[row], tau[row]], z[9:]])
+        return advance(z, row, delta, tau, p, effects if row >= change else nominal)
+
+    motion = by_rows(start(driver.start(), resting, p, nominal), resting, duration, driver.command, advanced,
+                     lambda _, z: abs(z[2]) > SPIN or z[1] < SLOWEST, with_end=False)  # fmt: skip
+    return sensed_across(*motion, effects, onset, seed)
 
 
 def sensed_across(

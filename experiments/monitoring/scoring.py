@@ -9,6 +9,7 @@ import numpy as np
 from drift_drake.gap.monitoring.events import persists
 from drift_drake.gap.monitoring.evidence import ALARM, NAMED
 from drift_drake.gap.monitoring.monitor import BLOCK
+from experiments.made import tabulated
 
 METHODS = ("monitor", "chi_square", "cumulative_sum", "augmented", "learnt")
 NAMING = {"monitor": "leading", "augmented": "augmented_leading"}  # methods that say which effect it is
@@ -109,15 +110,15 @@ def table(scores: Mapping[str, Score]) -> str:
     """Scores as a Markdown table."""
     head = ("method", "false alarms / 10 min", "detected", "delay [s]", "right at 3 s", "right at the end", "named",
             "named after [s]")  # fmt: skip
-    lines = [f"| {' | '.join(head)} |", "| --- " * len(head) + "|"]
+    rows = []
     for method, s in scores.items():
         shares = [f"{s.false_alarms_per_10_minutes:.1f}", f"{s.detected:.0%}", _seconds(s.delay)]
         naming = ["-"] * 4
         if method in NAMING:
             counts = [f"{round(share * s.changed)} of {s.changed}" for share in (s.isolation, s.isolation_at_end)]
             naming = [*counts, f"{s.named}, {s.named_right} right", _seconds(s.naming_delay)]
-        lines.append(f"| {' | '.join([method, *shares, *naming])} |")
-    return "\n".join(lines)
+        rows.append([method, *shares, *naming])
+    return "\n".join(tabulated(head, rows))
 
 
 def _seconds(value: float) -> str:

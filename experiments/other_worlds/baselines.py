@@ -24,7 +24,7 @@ from drift_drake.common.safe_files import write_text
 from drift_drake.gap.identification.options import Criterion
 from drift_drake.view.colours import REFERENCE, RUNS
 from drift_drake.view.style import legend_above, new_figure, save, styled
-from experiments.made import made
+from experiments.made import made, tabulated
 from experiments.other_worlds.jobs import Calibrate
 from experiments.other_worlds.road import DAY_ONE, InvalidWorldError, Road, answered, score, worlds_by_name
 from experiments.other_worlds.scoring import median_of, said_value, share
@@ -111,13 +111,11 @@ def baselines_text(rows: Mapping[int, Mapping[str, Any]], worlds: Mapping[str, M
         rows: `figures` by number of runs; worlds: shares of right days by world, then by number of runs.
     """
     counts = sorted(rows)
-    head = [f"| {' | '.join(str(count) for count in counts)} |", "| --- " * (len(counts) + 1) + "|"]
-    lines = [f"| runs of the baseline {head[0]}", head[1]]
-    for name in rows[counts[0]]:
-        lines.append(f"| {name} | {' | '.join(said_value(rows[count].get(name)) for count in counts)} |")
-    lines += ["", f"| days right {head[0]}", head[1]]
-    lines += [f"| {world} | {' | '.join(said_value(by[count]) for count in counts)} |" for world, by in worlds.items()]
-    return "\n".join(lines) + "\n"
+    names = [(name, *(said_value(rows[count].get(name)) for count in counts)) for name in rows[counts[0]]]
+    right = [(world, *(said_value(by[count]) for count in counts)) for world, by in worlds.items()]
+    heads = [str(count) for count in counts]
+    both = [*tabulated(("runs of the baseline", *heads), names), "", *tabulated(("days right", *heads), right)]
+    return "\n".join(both) + "\n"
 
 
 @styled

@@ -10,11 +10,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from drift_drake.car.compilation import compiled
-from drift_drake.car.double_track.plant import runge_kutta_row
 from drift_drake.car.effects.magnitudes import Effects
 from drift_drake.car.scalar import jitable
 from drift_drake.car.single_track.motion_with_effects import steering_rate
 from drift_drake.common.arrays import Array
+from experiments.benchmarks.rows import SUBSTEPS, runge_kutta_row
 
 STATES = ("u", "w", "r", "psi", "x", "y", "rim_left", "rim_right", "steering", "torque", "a_x", "a_y", "a_y_rate",
           "slip_front", "slip_rear")  # fmt: skip
@@ -96,7 +96,8 @@ def wheel_loads(z: Any, mass: Any, a: Any, b: Any, p: Any) -> Any:
 @compiled
 def rates(z: Any, command: Any, car: Any, out: Any) -> Any:
     """Writes d(STATES)/dt under the steering [rad] and torque [N m] commands; returns (a_x, a_y) [m/s^2]."""
-    (delta, tau), (p, q) = command, car
+    delta, tau = command[0], command[1]
+    p, q = car
     u, w, r, psi = z[0], z[1], z[2], z[3]
     a, b = p.front_axle_distance + q.cg_shift, p.rear_axle_distance - q.cg_shift
     mass = p.mass * (1.0 + q.mass_error)
@@ -160,7 +161,7 @@ def rates(z: Any, command: Any, car: Any, out: Any) -> Any:
 
 @compiled
 def _advance(z: Any, row: Any, delta: Any, tau: Any, p: Any, q: Any) -> Any:
-    return runge_kutta_row(rates, z, row, delta, tau, p, q)
+    return runge_kutta_row(rates, z, row, delta, tau, (p, q), SUBSTEPS)
 
 
 def advance(z: Array, row: int, delta: Array, tau: Array, p: BrushCar, q: Effects) -> tuple[Array, Array]:

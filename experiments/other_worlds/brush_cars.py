@@ -6,17 +6,18 @@ noise is half of it coloured.
 
 import dataclasses
 from collections.abc import Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
 from scipy.signal import lfilter
 
-from drift_drake.car.double_track.plant import PERIOD
 from drift_drake.car.effects.catalogue import CATALOGUE, REFERENCE
 from drift_drake.car.effects.magnitudes import Effects
 from drift_drake.car.log.table import Run
 from drift_drake.car.parameters import VehicleParameters
 from experiments.benchmarks.compiled_cases import NOISE, sensed
+from experiments.benchmarks.rows import PERIOD, by_rows
 from experiments.other_worlds.brush_car import STATES, BrushCar, advance
 from experiments.other_worlds.drivers import SLOWEST, SPIN, ScaledDriver
 
@@ -115,18 +116,20 @@ def simulate(
 ) -> Run:
     """One run of a manoeuvre, without noise; one that spins or stops ends early."""
     driver = ScaledDriver(kind, rng, single_track(car), effort)
-    rows = round(duration / PERIOD) + 1
-    delta, tau = np.zeros(rows), np.zeros(rows)
-    z, accelerations = np.zeros((rows, len(STATES))), np.zeros((rows, 2))
-    z[0, [0, 6, 7]] = driver.start_speed
-    end = rows
-    for row in range(rows - 1):
-        v, beta = float(np.hypot(z[row, 0], z[row, 1])), float(np.arctan2(z[row, 1], z[row, 0]))
-        delta[row + 1], tau[row + 1] = driver.command(row * PERIOD, v, beta, (delta[row], tau[row]))
-        z[row + 1], accelerations[row + 1] = advance(z[row], row, delta, tau, car, effects)
-        if abs(beta) > SPIN or v < SLOWEST * driver.time:
-            end = row + 2
-            break
-    u, w, r, psi, x, y, left, right = z[:end, :8].T
+
+    def seen(z: np.ndarray) -> tuple[float, float]:
+        return float(np.hypot(z[0], z[1])), float(np.arctan2(z[1], z[0]))
+
+    def is_lost(z: np.ndarray, _: np.ndarray) -> bool:
+        v, beta = seen(z)
+        return abs(beta) > SPIN or v < SLOWEST * driver.time
+
+    begin = np.zeros(len(STATES))
+    begin[[0, 6, 7]] = driver.start_speed
+    z, accelerations, delta, tau = by_rows(
+        (begin, np.zeros(2)), (0.0, 0.0), duration, lambda t, z, last: driver.command(t, *seen(z), last),
+        partial(advance, p=car, q=effects), is_lost,
+    )  # fmt: skip
+    u, w, r, psi, x, y, left, right = z[:, :8].T
     states = np.stack([r, np.hypot(u, w), np.arctan2(w, u), 0.5 * (left + right), psi, x, y], axis=1)
-    return sensed(states, accelerations[:end], delta[:end], tau[:end], effects, rng, name, noise=0.0)
+    return sensed(states, accelerations, delta, tau, effects, rng, name, noise=0.0)

@@ -1,15 +1,18 @@
 """The brush car as a one-step model: its oracle, which knows the car that no model of the package has equations of."""
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
-from pydrake.systems.framework import LeafSystem
 
 from drift_drake.car.compilation import compiled
 from drift_drake.car.effects.magnitudes import Effects
-from drift_drake.car.single_track.effects_step import InternalStateObserver
+from drift_drake.car.integrate import ramp, runge_kutta
+from drift_drake.car.internal_states import RememberingStepModel
+from drift_drake.car.scalar import jitable
 from drift_drake.car.single_track.motion import path_rates
-from drift_drake.car.step_model import STEP, StepModel
-from drift_drake.common.arrays import Array
+from drift_drake.car.step_model import STEP
+from drift_drake.common.arrays import Array, contiguous
 from experiments.other_worlds.brush_car import STATES, BrushCar, rates
 
 OWN_SCALE = np.array([3.0, 0.3, 100.0, 5.0, 5.0, 50.0, 0.3, 0.3])  # of `brush_plant.OWN`
@@ -18,24 +21,19 @@ SUBSTEPS = 16  # a step of 0.1 s
 SETTLE = 2.0  # [s] in which the car's own states settle
 
 
-class BrushStepModel(StepModel):
+class BrushStepModel(RememberingStepModel):
     """States [N, 14]: the paper's six, then `brush_plant.OWN`. RK4; Jacobians are `StepModel`'s differences."""
 
     def __init__(self, car: BrushCar, effects: Effects) -> None:
         self.internal_scale = OWN_SCALE
         self.car, self.effects = car, effects
 
-    def with_theta(self, theta: Array) -> "BrushStepModel":
-        """The same step of the car that has the effects' magnitudes `theta` in place of its own."""
-        return BrushStepModel(self.car, Effects(*(float(q) for q in theta)))
-
-    def observer(self, period: float) -> LeafSystem:
-        return InternalStateObserver(self, period)
+    def with_effects(self, effects: Effects) -> "BrushStepModel":
+        return BrushStepModel(self.car, effects)
 
     def step(self, x: Array, u: Array, u_next: Array, curvature: Array) -> Array:
         x_next = np.array(x, dtype=float, order="C")
-        u, u_next, curvature = (np.ascontiguousarray(part, dtype=float) for part in (u, u_next, curvature))
-        steps(x_next, u, u_next, curvature, self.car, self.effects, STEP, SUBSTEPS, 0)
+        steps(x_next, *contiguous(u, u_next, curvature), self.car, self.effects, STEP, SUBSTEPS, 0)
         return x_next
 
     def settled(self, state: Array, command: Array) -> Array:
@@ -73,19 +71,21 @@ def motion(x: Array, psi: float, delta: float, tau: float, curvature: float, p: 
     return a_x, a_y
 
 
+@jitable
+def _rates(x: Any, command: Any, car: Any, out: Any) -> None:
+    curvature, held, p, q, z, rate = car
+    motion(x, 0.0, command[0], command[1], curvature, p, q, z, rate, out)
+    out[:held] = 0.0
+
+
 @compiled
 def steps(x: Array, u: Array, u_next: Array, curvature: Array, p: BrushCar, q: Effects, dt: float, substeps: int,
           held: int) -> None:  # fmt: skip
-    """States [N, 14] a time dt [s] later, in place, by RK4; the first `held` of them stay as they are."""
-    z, rate, k = np.zeros(len(STATES)), np.empty(len(STATES)), np.empty((4, SIZE))
-    h = dt / substeps
+    """States [N, 14] a time dt [s] later, in place; the first `held` of them stay as they are."""
+    z, rate, work = np.zeros(len(STATES)), np.empty(len(STATES)), np.empty((3, SIZE))
     for n in range(x.shape[0]):
         for sub in range(substeps):
-            for stage in range(4):
-                node = 0.0 if stage == 0 else (1.0 if stage == 3 else 0.5)
-                share = (sub + node) / substeps
-                point = x[n] + node * h * k[stage - 1] if stage > 0 else x[n]
-                delta, tau = u[n, 0] + share * (u_next[n, 0] - u[n, 0]), u[n, 1] + share * (u_next[n, 1] - u[n, 1])
-                motion(point, 0.0, delta, tau, curvature[n], p, q, z, rate, k[stage])
-                k[stage, :held] = 0.0
-            x[n] += h / 6.0 * (k[0] + 2.0 * k[1] + 2.0 * k[2] + k[3])
+            begin, middle = ramp(u[n], u_next[n], sub / substeps), ramp(u[n], u_next[n], (sub + 0.5) / substeps)
+            end = ramp(u[n], u_next[n], (sub + 1.0) / substeps)
+            runge_kutta(_rates, x[n], begin, middle, end, dt / substeps, (curvature[n], held, p, q, z, rate), work[2],
+                        work[:2])  # fmt: skip

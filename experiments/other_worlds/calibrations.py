@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from drift_drake.car.vehicle_file import read_vehicle
+from experiments.made import tabulated
 from experiments.other_worlds.jobs import Calibrate, failure_path
 from experiments.other_worlds.scoring import median_of, said_share, said_value, share
 
@@ -90,18 +91,16 @@ def calibration_scores(rows: Sequence[dict[str, Any]]) -> dict[str, Any]:
 
 def calibrations_text(result: dict[str, Any], rows: dict[str, dict[str, Any]]) -> str:
     """Both as Markdown."""
-    lines = ["| calibration | value |", "| --- | --- |"]
+    over_all: list[tuple[str, str]] = []
     for name, value in result.items():
         if isinstance(value, dict) and "count" not in value:
-            parts = ", ".join(f"{key} {said_value(part)}" for key, part in value.items())
-            lines.append(f"| {name} | {parts} |")
+            over_all.append((name, ", ".join(f"{key} {said_value(part)}" for key, part in value.items())))
         else:
-            lines.append(f"| {name} | {said_share(value) if isinstance(value, dict) else said_value(value)} |")
-    lines += ["", "| car | criterion | errors over the first guess's | half a second ahead, first guess and calibrated "
-              "| the car's own figures |", "| --- | --- | --- | --- | --- |"]  # fmt: skip
+            over_all.append((name, said_share(value) if isinstance(value, dict) else said_value(value)))
+    cars: list[tuple[str, ...]] = []
     for name, row in rows.items():
         if "failed" in row:
-            lines.append(f"| {name} | {row['failed']['verdict']} | {row['failed']['message']} | | |")
+            cars.append((name, row["failed"]["verdict"], row["failed"]["message"], "", ""))
             continue
         errors = ", ".join(f"{s} {e['first_guess']:.2g} {e['calibrated']:.2g}" for s, e in row["half_second"].items())
         figures = ", ".join(
@@ -110,5 +109,7 @@ def calibrations_text(result: dict[str, Any], rows: dict[str, dict[str, Any]]) -
             for n, f in row.get("own_figures", {}).items()
         )  # fmt: skip
         ratio, low, high = row["ratio"]
-        lines.append(f"| {name} | {row['criterion']} | {ratio:.2f} ({low:.2f} to {high:.2f}) | {errors} | {figures} |")
-    return "\n".join(lines) + "\n"
+        cars.append((name, row["criterion"], f"{ratio:.2f} ({low:.2f} to {high:.2f})", errors, figures))
+    heads = ("car", "criterion", "errors over the first guess's", "half a second ahead, first guess and calibrated",
+             "the car's own figures")  # fmt: skip
+    return "\n".join([*tabulated(("calibration", "value"), over_all), "", *tabulated(heads, cars)]) + "\n"

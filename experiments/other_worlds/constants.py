@@ -32,7 +32,7 @@ from drift_drake.gap.evidence import left_out as judging
 from drift_drake.gap.evidence import left_over as leaving
 from drift_drake.gap.evidence import ranking
 from drift_drake.gap.evidence.posterior import NONE, UNKNOWN, PosteriorConstants
-from experiments.made import made
+from experiments.made import made, tabulated
 from experiments.other_worlds.road import DAY_ONE, worlds_by_name
 from experiments.other_worlds.scoring import TOO, said_share, share
 from experiments.other_worlds.stretches import FACTORS, KeptDay, KeptWorld, kept_world
@@ -195,15 +195,16 @@ def counts_by_constant(
 
 def constants_text(found: Mapping[str, Mapping[float, Counts]]) -> str:
     """The table as Markdown, and what it does not show."""
-    lines = ["| constant | value | times | days right | false alarms | strange faults | log score | cause open "
-             "| undecided |", "| --- " * 9 + "|"]  # fmt: skip
+    heads = ("constant", "value", "times", "days right", "false alarms", "strange faults", "log score", "cause open",
+             "undecided")  # fmt: skip
+    rows = []
     for name, by_factor in found.items():
         for factor, c in by_factor.items():
             value = "" if name == UNCHANGED else shown(value_of(name))
             times_ = "" if name == UNCHANGED else f"{factor:g}{' (odds)' if name in AS_ODDS else ''}"
-            lines.append(f"| {name} | {value} | {times_} | {said_share(c.right)} | {said_share(c.alarms)} | "
-                         f"{said_share(c.strange)} | {c.log_score:.3f} | {c.open} | {c.undecided} |")  # fmt: skip
-    lines += ["", "Not shown, since they decide nothing of single effects to first order:"]
+            rows.append((name, value, times_, *(said_share(s) for s in (c.right, c.alarms, c.strange)),
+                         f"{c.log_score:.3f}", c.open, c.undecided))  # fmt: skip
+    lines = [*tabulated(heads, rows), "", "Not shown, since they decide nothing of single effects to first order:"]
     lines += [f"- {name}: {what}" for name, what in NOT_SEEN.items()]
     return "\n".join(lines) + "\n"
 

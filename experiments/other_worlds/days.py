@@ -20,12 +20,12 @@ from tqdm import tqdm
 
 from diagrams.command import run_command
 from drift_drake.car.double_track.parameters import CARS, DoubleTrackParameters
-from drift_drake.car.double_track.plant import PERIOD
 from drift_drake.car.effects.magnitudes import make_effects
 from drift_drake.car.log.table import Run, write_run
 from drift_drake.car.parameters import Tolerance, VehicleParameters
 from drift_drake.common.run_folder import write_json, write_versions
 from experiments.benchmarks.compiled_cases import NOISE
+from experiments.benchmarks.rows import PERIOD
 from experiments.other_worlds import brush_cars, double_track
 from experiments.other_worlds.brush_car import BrushCar
 from experiments.other_worlds.brush_cars import BRUSH_CARS

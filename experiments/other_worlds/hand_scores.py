@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from drift_drake.common.run_folder import write_json
+from experiments.made import tabulated
 from experiments.other_worlds.scoring import Row, all_scores, scores_text
 
 
@@ -28,18 +29,16 @@ def reason(row: Row) -> str:
 
 def hand_text(rows: Sequence[Row], skipped: dict[str, dict[str, str]]) -> str:
     """Every case as a row of a table, those as they are first; then what could not be put in."""
-    lines = ["| logs as they are | said | why | warnings |", "| --- | --- | --- | --- |"]
-    for row in rows:
-        if not row.effects:
-            warnings = "; ".join(row.answer["warnings"])
-            lines.append(f"| {row.world}: {row.case} | {row.said} | {reason(row)} | {warnings} |")
-    lines += ["", "| change by hand | magnitude | said | in the ambiguity set | interval holds it | why |",
-              "| --- | --- | --- | --- | --- | --- |"]  # fmt: skip
+    as_they_are = [(f"{row.world}: {row.case}", row.said, reason(row), "; ".join(row.answer["warnings"]))
+                   for row in rows if not row.effects]  # fmt: skip
+    changed = []
     for row in rows:
         for name, q in row.effects.items():
             holds = {(): "-", (True,): "yes", (False,): "no"}[tuple(row.covered)]
             held = "yes" if row.held else "no"
-            lines.append(f"| {row.world}: {name} | {q:.3g} | {row.said} | {held} | {holds} | {reason(row)} |")
+            changed.append((f"{row.world}: {name}", f"{q:.3g}", row.said, held, holds, reason(row)))
+    heads = ("change by hand", "magnitude", "said", "in the ambiguity set", "interval holds it", "why")
+    lines = [*tabulated(("logs as they are", "said", "why", "warnings"), as_they_are), "", *tabulated(heads, changed)]
     lines += [""] + [f"- {study}: no {name}, {why}" for study, names in skipped.items() for name, why in names.items()]
     return "\n".join(lines) + "\n"
 

@@ -25,6 +25,7 @@ from drift_drake.gap.evidence.posterior import NONE, UNKNOWN
 from drift_drake.view.colours import REFERENCE, RUNS
 from drift_drake.view.style import new_figure, save
 from experiments.benchmarks.intervals import binomial
+from experiments.made import tabulated
 from experiments.other_worlds.road import rows_of
 from experiments.other_worlds.scoring import TOO, Row
 from experiments.pictures.look import SMALL, WIDTH, for_pages
@@ -110,12 +111,12 @@ def read_panels(path: Path) -> Panels:
             for name, some in table.groupby("what", sort=False)}  # fmt: skip
 
 
-def binned(pairs: Sequence[Stated], count: int = BINS) -> list[Bin]:
+def binned(pairs: Sequence[Stated]) -> list[Bin]:
     """Bins of equal width, those without a day too: nothing is stated there, and anything may happen."""
-    edges = np.linspace(0.0, 1.0, count + 1)
-    place = np.clip(np.searchsorted(edges, [p for p, _ in pairs], side="right") - 1, 0, count - 1)
+    edges = np.linspace(0.0, 1.0, BINS + 1)
+    place = np.clip(np.searchsorted(edges, [p for p, _ in pairs], side="right") - 1, 0, BINS - 1)
     out = []
-    for k in range(count):
+    for k in range(BINS):
         some = [pair for pair, at in zip(pairs, place, strict=True) if at == k]
         stated = float(np.mean([p for p, _ in some])) if some else float("nan")
         happened, least, most = binomial(sum(there for _, there in some), len(some))
@@ -125,17 +126,17 @@ def binned(pairs: Sequence[Stated], count: int = BINS) -> list[Bin]:
 
 def reliability_text(panels: Panels) -> str:
     """All bins as a Markdown table."""
-    lines = ["| probability of | bin | days | stated, mean | happened | 95 % interval | inside |",
-             "| --- | --- | --- | --- | --- | --- | --- |"]  # fmt: skip
+    rows = []
     for name, stated in panels.items():
         for b in binned(stated):
             edges = f"{b.low:.1f} to {b.high:.1f}"
+            figures = ["-"] * 4
             if b.days:
-                lines.append(f"| {name} | {edges} | {b.days} | {b.stated:.2f} | {b.happened:.2f} | {b.least:.2f} to "
-                             f"{b.most:.2f} | {'yes' if b.inside else 'no'} |")  # fmt: skip
-            else:
-                lines.append(f"| {name} | {edges} | 0 | - | - | - | - |")
-    return "\n".join(lines) + "\n"
+                figures = [f"{b.stated:.2f}", f"{b.happened:.2f}", f"{b.least:.2f} to {b.most:.2f}",
+                           "yes" if b.inside else "no"]  # fmt: skip
+            rows.append((name, edges, b.days, *figures))
+    heads = ("probability of", "bin", "days", "stated, mean", "happened", "95 % interval", "inside")
+    return "\n".join(tabulated(heads, rows)) + "\n"
 
 
 @for_pages

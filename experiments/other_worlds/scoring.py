@@ -14,6 +14,7 @@ from drift_drake.car.effects.catalogue import CATALOGUE
 from drift_drake.gap.evidence.posterior import NONE, UNKNOWN
 from experiments.benchmarks.intervals import binomial
 from experiments.benchmarks.scores import said
+from experiments.made import tabulated
 from experiments.other_worlds.jobs import CRASHED, NO_CAR, REFUSED
 
 FAILED = (REFUSED, CRASHED, NO_CAR)
@@ -247,9 +248,8 @@ COLUMNS = ("right", "effects in the ambiguity set", "effects called none", "effe
 
 def table_text(title: str, parts: dict[str, Any], columns: Sequence[str] = COLUMNS) -> str:
     """Scores of groups as a Markdown table."""
-    lines = [f"| {title} | {' | '.join(columns)} |", "| --- " * (len(columns) + 1) + "|"]
-    lines += [f"| {name} | {' | '.join(said_value(part[c]) for c in columns)} |" for name, part in parts.items()]
-    return "\n".join(lines)
+    rows = [(name, *(said_value(part[c]) for c in columns)) for name, part in parts.items()]
+    return "\n".join(tabulated((title, *columns), rows))
 
 
 def strange_text(result: dict[str, Any]) -> list[str]:
@@ -265,8 +265,7 @@ def strange_text(result: dict[str, Any]) -> list[str]:
 
 def scores_text(result: dict[str, Any]) -> str:
     """`all_scores` as Markdown; the brackets hold 95 % intervals."""
-    lines = ["| figure | value (95 %) |", "| --- | --- |"]
-    lines += [f"| {name} | {said_value(value)} |" for name, value in result["all"].items()]
+    lines = tabulated(("figure", "value (95 %)"), [(name, said_value(q)) for name, q in result["all"].items()])
     for title in ("by car", "by world", "by drives", "by effect", "by size"):
         if result[title]:
             lines += ["", table_text(title.removeprefix("by "), result[title])]

@@ -5,22 +5,27 @@ Brush cars, CommonRoad's multi-body cars and MuJoCo's are drawn one by one; the 
 
 from typing import Literal, NamedTuple
 
+from drift_drake.car.double_track.motion import NOT_OF_THIS_CAR
+from drift_drake.car.double_track.parameters import CARS, DoubleTrackParameters
 from drift_drake.car.effects.catalogue import OFF_THE_MOTION
 from drift_drake.car.effects.magnitudes import Effects
 from drift_drake.car.foreign.stepped_plant import SteppedCar, SteppedPlant
+from drift_drake.car.internal_states import planned_with
+from drift_drake.car.known_car import known_car_model
 from drift_drake.car.parameters import VehicleParameters
-from drift_drake.car.single_track.effects_step import planned_with
 from drift_drake.car.single_track.path_plant import CurvedPath, PathPlant
 from drift_drake.car.step_model import StepModel
 from drift_drake.common.errors import InvalidOptionError, MissingExtraError
-from drift_drake.drive.loop.true_plant import TruePlant, effects_on, oracle_of, plant_of
+from drift_drake.drive.loop.car import plant_of_car
 from experiments.other_worlds.brush_car import BrushCar
 from experiments.other_worlds.brush_drifters import draw_drifter
 from experiments.other_worlds.brush_plant import BrushPlant
 from experiments.other_worlds.brush_step import BrushStepModel
 from experiments.other_worlds.multi_body import draw_multi_body
 
-World = Literal[TruePlant, "brush", "multi_body", "mujoco"]
+OwnCar = Literal["single_track", "double_track", "roadster", "rear_engined", "saloon"]
+"""The car of the simulator's equations, or a double-track one: the coupe of its size, or a car of another kind."""
+World = Literal[OwnCar, "brush", "multi_body", "mujoco"]
 
 
 class Stepped(NamedTuple):
@@ -45,7 +50,7 @@ class Stepped(NamedTuple):
         return draw_mujoco(self.vehicle, self.seed)
 
 
-TrueCar = TruePlant | BrushCar | Stepped
+TrueCar = OwnCar | BrushCar | Stepped
 
 
 def true_car(world: World, vehicle: int, seed: int) -> TrueCar:
@@ -59,14 +64,23 @@ def effects_in(world: World, drawn: Effects) -> Effects:
     """Those of the drawn effects that a car of this world can have."""
     if world == "multi_body" or world == "mujoco":
         return drawn._replace(**{name: 0.0 for name in Effects._fields if name not in OFF_THE_MOTION})
-    return effects_on("double_track" if world == "brush" else world, drawn)
+    # A double-track car has load transfer and more of its own.
+    return drawn if world == "single_track" else drawn._replace(**dict.fromkeys(NOT_OF_THIS_CAR, 0.0))
 
 
-def true_plant(car: TrueCar, effects: Effects, path: CurvedPath) -> PathPlant | None:
-    """The car on a path; None for `Car`'s own plant, of the simulator's equations."""
+def double_track_of(car: OwnCar) -> DoubleTrackParameters | None:
+    """The double-track car; None for the single-track one."""
+    return None if car == "single_track" else CARS["coupe" if car == "double_track" else car]
+
+
+def true_plant(car: TrueCar, effects: Effects, path: CurvedPath | None) -> PathPlant | None:
+    """The car on a path, or on none; None for `Car`'s own plant, of the simulator's equations."""
     if isinstance(car, Stepped):
         return SteppedPlant(car.made(), path)
-    return BrushPlant(car, effects, path) if isinstance(car, BrushCar) else plant_of(car, effects, path)
+    if isinstance(car, BrushCar):
+        return BrushPlant(car, effects, path)
+    own = double_track_of(car)
+    return None if own is None else plant_of_car(own, effects, path)
 
 
 def oracle(car: TrueCar, parameters: VehicleParameters, effects: Effects) -> StepModel:
@@ -79,4 +93,4 @@ def oracle(car: TrueCar, parameters: VehicleParameters, effects: Effects) -> Ste
         raise InvalidOptionError(f"--models oracle: nobody has the equations of a {car.world} car; leave it out")
     if isinstance(car, BrushCar):
         return BrushStepModel(car, planned_with(effects))
-    return oracle_of(car, parameters, effects)
+    return known_car_model(double_track_of(car) or parameters, effects)

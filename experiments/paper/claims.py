@@ -12,6 +12,7 @@ from drift_drake.common.run_folder import is_done
 from drift_drake.drive.reference.trajectory import Reference
 from experiments.drifting.report import held
 from experiments.drifting.runs import reference
+from experiments.made import tabulated
 from experiments.paper.parts import KINDS, Kind, Part
 from experiments.paper.verdicts import (
     NOTHING,
@@ -210,14 +211,12 @@ CLAIMS: Sequence[Claim] = (
 
 def claims_table(found: dict[Kind, Evidence]) -> str:
     """All claims, as Markdown."""
-    lines = [
-        "| where | claim | `--parts` | the paper | its recipe here | verdict | as shipped | verdict |",
-        "| --- | --- | --- | --- | --- | --- | --- | --- |",
-    ]
+    heads = ("where", "claim", "`--parts`", "the paper", "its recipe here", "verdict", "as shipped", "verdict")
+    rows = []
     for claim in CLAIMS:
         cells = [cell for kind in KINDS for cell in _cells(claim.judge(found[kind]))]
-        lines.append(f"| {claim.where} | {claim.what} | {claim.part} | {claim.paper} | {' | '.join(cells)} |")
-    return "\n".join(lines)
+        rows.append((claim.where, claim.what, claim.part, claim.paper, *cells))
+    return "\n".join(tabulated(heads, rows))
 
 
 def _cells(cell: Cell) -> tuple[str, str]:

@@ -22,13 +22,14 @@ from drift_drake.common.arrays import Array
 from drift_drake.common.executors import ExecutorConfig, run_jobs
 from drift_drake.common.run_folder import is_done, write_json
 from drift_drake.common.safe_files import write_table
-from drift_drake.drive.gathering.config import GatheringConfig, Recipe
+from drift_drake.drive.gathering.config import GatheringConfig
 from drift_drake.drive.gathering.gather import Gathered, taught
 from drift_drake.drive.gathering.plan import InfeasiblePlanError, Trajectory, plan_again, plan_drive
 from drift_drake.drive.learnt.checkpoint import BayesianModel, load_model
 from drift_drake.drive.learnt.posterior import Posterior, covariance_norms
-from drift_drake.drive.manoeuvres.vehicles import Population, draw_effects
+from experiments.benchmarks.vehicles import Population, draw_effects
 from experiments.gathering.beliefs import SECOND_ROUND
+from experiments.gathering.recipe import Recipe
 from experiments.model.uncertainties import model_change, true_change
 from experiments.settings import keep_settings
 

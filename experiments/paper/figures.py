@@ -11,23 +11,24 @@ from drift_drake.car.effects.magnitudes import Effects
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.common.arrays import Array
 from drift_drake.common.safe_files import write_figure, write_text
-from drift_drake.drive.gathering.config import Recipe, lane, lane_for_pictures
+from drift_drake.drive.gathering.config import lane
 from drift_drake.drive.gathering.gather import drive_samples, taught
 from drift_drake.drive.gathering.plan import InfeasiblePlanError, plan_again, plan_drive
 from drift_drake.drive.learnt.checkpoint import BayesianModel, load_model
 from drift_drake.drive.learnt.posterior import Posterior, covariance_norms
 from drift_drake.drive.learnt.quality import learn
 from drift_drake.drive.learnt.samples import Samples
-from drift_drake.drive.manoeuvres.vehicles import draw_effects
 from drift_drake.drive.mpc.plan import DT
 from drift_drake.view.colours import REFERENCE, RUNS
 from drift_drake.view.pictures.overhead import overhead
 from drift_drake.view.pictures.time_series import time_series
 from drift_drake.view.style import new_figure, styled
+from experiments.benchmarks.vehicles import draw_effects
 from experiments.drifting.ablations import driven_samples
 from experiments.drifting.report import completed_of, pictured_models, pictured_vehicle
 from experiments.drifting.runs import run_name
 from experiments.gathering.beliefs import SECOND_ROUND
+from experiments.gathering.recipe import Recipe, lane_for_pictures
 from experiments.model.uncertainties import UNCERTAINTIES_AT, draw_uncertainties
 from experiments.paper.claims import Evidence
 from experiments.paper.parts import KINDS, Kind, PaperConfig, recipe

@@ -13,10 +13,10 @@ import tyro
 
 from drift_drake.common.executors import ExecutorConfig
 from drift_drake.common.run_folder import is_done, write_json
-from drift_drake.drive.gathering.config import Recipe
-from drift_drake.drive.manoeuvres.vehicles import Population
+from experiments.benchmarks.vehicles import Population
 from experiments.drifting import figure_8, improvements, loops
 from experiments.drifting.runs import Model, ModelsConfig
+from experiments.gathering.recipe import Recipe
 from experiments.model.build import do_stages
 from experiments.model.ladder import LadderConfig, stages
 from experiments.paper import drives, worth

@@ -43,13 +43,13 @@ def turned(cell: Cell) -> Cell:
     return cell._replace(verdict=contrary.get(cell.verdict, cell.verdict))
 
 
-def share(runs: pd.DataFrame, flag: str, bar: float = RELIABLE) -> Cell:
+def share(runs: pd.DataFrame, flag: str) -> Cell:
     """Runs with a flag."""
     if runs.empty:
         return NOTHING
     low, high = share_by_vehicle(runs, flag)
     text = f"{int(runs[flag].sum())} of {len(runs)} ({low:.0%} to {high:.0%})"
-    return Cell(text, verdict(low, high, bar, runs["vehicle"].nunique()))
+    return Cell(text, verdict(low, high, RELIABLE, runs["vehicle"].nunique()))
 
 
 def more(first: pd.DataFrame, second: pd.DataFrame, flag: str) -> Cell:

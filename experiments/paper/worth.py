@@ -16,8 +16,8 @@ from diagrams.command import run_command
 from drift_drake.common.executors import ExecutorConfig
 from drift_drake.common.run_folder import make_run_folder, write_json, write_versions
 from drift_drake.common.safe_files import write_table
-from drift_drake.drive.gathering.config import Extra, GatheringConfig, as_in_paper
-from drift_drake.drive.manoeuvres.vehicles import Population
+from drift_drake.drive.gathering.config import GatheringConfig
+from experiments.benchmarks.vehicles import Population
 from experiments.drifting.improvements import (
     ImprovementsConfig,
     Rung,
@@ -27,6 +27,7 @@ from experiments.drifting.improvements import (
 )
 from experiments.drifting.report import LABELS, differences_table, pair_of
 from experiments.drifting.runs import EXTRAS, Model
+from experiments.gathering.recipe import Extra, as_in_paper
 from experiments.made import write_report
 
 WORDS: dict[Extra, str] = {

@@ -6,11 +6,11 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from drift_drake.car.parameters import VehicleParameters
-from drift_drake.view.pictures.overhead import plain_panels
 from experiments.drifting import figure_8
 from experiments.drifting.report import overhead_of, pictured_models, pictured_vehicle
 from experiments.drifting.runs import Model, ModelsConfig, reference
 from experiments.pictures.look import WIDTH, for_pages
+from experiments.pictures.overhead_panels import plain_panels
 
 MODELS: tuple[Model, ...] = ("nominal", "once_ocp", "twice_info", "oracle")
 FOLDER = Path("runs/figure_8_picture")

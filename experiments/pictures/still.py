@@ -8,11 +8,11 @@ from pathlib import Path
 from matplotlib.figure import Figure
 
 from drift_drake.car.parameters import VehicleParameters
-from drift_drake.view.pictures.still import still
 from experiments.drifting import figure_8
 from experiments.drifting.runs import Model, ModelsConfig, reference
 from experiments.drifting.still import StillConfig, read_runs
 from experiments.pictures.figure_8 import HELD_OUT
+from experiments.pictures.rendered import still
 
 MODELS: tuple[Model, ...] = ("twice_info", "nominal", "prior", "oracle")  # the first is drawn solid
 VEHICLE = 0  # of the held-out ones: the nominal car of the controller spins there

@@ -17,6 +17,7 @@ from diagrams.command import run_command
 from drift_drake.common.errors import unit_suffix
 from drift_drake.common.run_folder import is_done
 from drift_drake.common.safe_files import write_figure, write_text
+from experiments.made import tabulated
 
 UNITS = {"r": "rad/s", "v": "m/s", "beta": "rad"}
 CALIBRATED = {"small_car_floor_a": "small car, from floor_a", "small_car_free_driving": "small car, from free_driving",
@@ -40,13 +41,13 @@ def read(folder: Path, name: str) -> Any:
 
 def parameter_table(found: dict[str, Any]) -> str:
     """Estimates, intervals and first guesses as Markdown."""
-    lines = ["| parameter | estimate | 95 % interval | first guess | widened by |", "| --- | --- | --- | --- | --- |"]
+    rows = []
     for name, p in found["parameters"].items():
         unit = unit_suffix(p["unit"])
         held = " (held)" if p["kind"] == "known" else ""
-        lines.append(f"| {name}{held} | {p['estimate']:.4g}{unit} | {p['low']:.4g} to {p['high']:.4g} | "
-                     f"{p['start']:.4g} | {p['widened']:.1f} |")  # fmt: skip
-    return "\n".join(lines)
+        rows.append((f"{name}{held}", f"{p['estimate']:.4g}{unit}", f"{p['low']:.4g} to {p['high']:.4g}",
+                     f"{p['start']:.4g}", f"{p['widened']:.1f}"))  # fmt: skip
+    return "\n".join(tabulated(("parameter", "estimate", "95 % interval", "first guess", "widened by"), rows))
 
 
 def worth(found: dict[str, Any]) -> str:
@@ -59,12 +60,12 @@ def worth(found: dict[str, Any]) -> str:
 def error_table(found: dict[str, Any]) -> str:
     """Errors half a second ahead as Markdown."""
     i = found["horizons"].index(0.5)
-    lines = ["| at 0.5 s | first guess | calibrated |", "| --- | --- | --- |"]
+    rows = []
     for k, state in enumerate(found["states"]):
         if state in UNITS:
             before, after = found["first_guess"][i][k], found["calibrated"][i][k]
-            lines.append(f"| {state} [{UNITS[state]}] | {before:.3g} | {after:.3g} |")
-    return "\n".join(lines)
+            rows.append((f"{state} [{UNITS[state]}]", f"{before:.3g}", f"{after:.3g}"))
+    return "\n".join(tabulated(("at 0.5 s", "first guess", "calibrated"), rows))
 
 
 def draw(found: dict[str, dict[str, Any]], path: Path) -> None:

@@ -17,7 +17,7 @@ from drift_drake.car.log.table import Run
 from drift_drake.common.run_folder import make_run_folder, write_json, write_versions
 from drift_drake.gap.logs.importing.importer import import_recordings
 from drift_drake.gap.logs.importing.mapping import read_mapping
-from experiments.made import made
+from experiments.made import made, tabulated
 from experiments.other_worlds.hand_changes import NoDataError
 
 SPEEDS = (0.6, 0.8, 1.0, 1.2, 1.5, 1.8, 2.1)  # [m/s]
@@ -63,15 +63,13 @@ def steady_turns(run: Run) -> list[dict[str, float | str]]:
 
 def table(found: dict[str, list[dict[str, float | str]]]) -> str:
     """All recordings in one Markdown table."""
-    lines = ["| recording | turn | speed [m/s] | time [s] | torque, median (quartiles) [N m] | yaw rate [rad/s] |",
-             "| --- | --- | --- | --- | --- | --- |"]  # fmt: skip
-    for name, rows in found.items():
-        lines += [
-            f"| {name} | {q['turn']} | {q['speed_from']} to {q['speed_to']} | {q['seconds']:.0f} | {q['torque']:.4f} "
-            f"({q['torque_low']:.4f} to {q['torque_high']:.4f}) | {q['yaw_rate']:.2f} |"
-            for q in rows
-        ]
-    return "\n".join(lines)
+    heads = ("recording", "turn", "speed [m/s]", "time [s]", "torque, median (quartiles) [N m]", "yaw rate [rad/s]")
+    rows = [
+        (name, q["turn"], f"{q['speed_from']} to {q['speed_to']}", f"{q['seconds']:.0f}",
+         f"{q['torque']:.4f} ({q['torque_low']:.4f} to {q['torque_high']:.4f})", f"{q['yaw_rate']:.2f}")
+        for name, turns in found.items() for q in turns
+    ]  # fmt: skip
+    return "\n".join(tabulated(heads, rows))
 
 
 def recordings(data: Path) -> Sequence[Run]:

@@ -20,7 +20,7 @@ from drift_drake.car.vehicle_file import read_vehicle
 from drift_drake.common.run_folder import is_done, make_run_folder, write_json, write_versions
 from drift_drake.gap.monitoring.baselines import BaselineScores, calibrated_monitor, learn_baseline_scores
 from drift_drake.gap.monitoring.watch import rows_of, watched
-from experiments.made import write_report
+from experiments.made import tabulated, write_report
 from experiments.other_worlds.changes import CHANGES
 
 MAGNITUDES = {"steering_offset": 0.051, "gyro_bias": 0.075, "sideslip_bias": 0.066, "wheel_radius_error": 0.08}
@@ -80,21 +80,16 @@ def row(name: str, run: Run, onset: float, events: list[dict[str, Any]]) -> dict
 
 def text(rows: list[dict[str, Any]]) -> str:
     """Two tables: recordings as they are, and changes."""
-    lines = ["| recording | minutes | alarms |", "| --- | --- | --- |"]
-    plain = [r for r in rows if "run_" in r["name"]]
-    lines += [f"| {r['name']} | {r['minutes']:.1f} | {r['false']} |" for r in plain]
-    lines += [
-        "",
-        "| change at half of a recording | reported | after [s], median | last cause right |",
-        "| --- " * 4 + "|",
-    ]
+    plain = [(r["name"], f"{r['minutes']:.1f}", r["false"]) for r in rows if "run_" in r["name"]]
+    changes = []
     for name, magnitude in MAGNITUDES.items():
         some = [r for r in rows if f"-{name}-" in r["name"]]
         delays = [r["delay"] for r in some if r["delay"] is not None]
         after = f"{np.median(delays):.1f}" if delays else "-"
-        lines.append(f"| {name} {magnitude:g}, either sign | {len(delays)} of {len(some)} | {after} | "
-                     f"{sum(r['right'] for r in some)} of {len(some)} |")  # fmt: skip
-    return "\n".join(lines)
+        changes.append((f"{name} {magnitude:g}, either sign", f"{len(delays)} of {len(some)}", after,
+                        f"{sum(r['right'] for r in some)} of {len(some)}"))  # fmt: skip
+    heads = ("change at half of a recording", "reported", "after [s], median", "last cause right")
+    return "\n".join([*tabulated(("recording", "minutes", "alarms"), plain), "", *tabulated(heads, changes)])
 
 
 def main(config: Config) -> None:

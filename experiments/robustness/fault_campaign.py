@@ -31,12 +31,12 @@ from drift_drake.drive.learnt.lag_bank import BANK
 from drift_drake.drive.learnt.quality import step_model
 from drift_drake.drive.loop.closed_loop import ClosedLoop, ControlConfig
 from drift_drake.drive.loop.faults import parse_fault
-from drift_drake.drive.manoeuvres.vehicles import draw_effects
 from drift_drake.drive.reference.trajectory import Reference, figure_8
 from drift_drake.view.colours import RUNS
 from drift_drake.view.style import new_figure, save, styled
 from experiments.benchmarks.intervals import binomial
-from experiments.made import write_report
+from experiments.benchmarks.vehicles import draw_effects
+from experiments.made import tabulated, write_report
 from experiments.settings import keep_settings
 
 FAULTS = {  # begins after one second, in a drift
@@ -173,10 +173,7 @@ def shares(runs: pd.DataFrame) -> pd.DataFrame:
 
 def table(found: pd.DataFrame) -> str:
     """The shares as Markdown."""
-    lines = [
-        "| fault | loops | stays on its lane, guarded (of these stopped) | not guarded |",
-        "| --- | --- | --- | --- |",
-    ]
+    rows = []
     for fault in [name for name in FAULTS if name in set(found["fault"])]:
         cells = []
         of = found[found["fault"] == fault]
@@ -188,8 +185,9 @@ def table(found: pd.DataFrame) -> str:
             g = group.iloc[0]
             stopped = f" ({g['stopped']})" if guarded else ""
             cells.append(f"{g['stayed']} of {g['loops']}{stopped}")
-        lines.append(f"| {fault} | {int(of['loops'].sum())} | {cells[0]} | {cells[1]} |")
-    return "\n".join(lines)
+        rows.append((fault, int(of["loops"].sum()), *cells))
+    heads = ("fault", "loops", "stays on its lane, guarded (of these stopped)", "not guarded")
+    return "\n".join(tabulated(heads, rows))
 
 
 @styled

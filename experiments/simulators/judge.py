@@ -16,6 +16,7 @@ import tyro
 from diagrams.command import run_command
 from drift_drake.common.run_folder import write_json, write_versions
 from drift_drake.common.safe_files import write_text
+from experiments.made import tabulated
 from experiments.other_worlds.jobs import Ask, Calibrate, answer_of, ask, calibrate, done_once, failure_path
 from experiments.other_worlds.scoring import Row, share
 
@@ -54,33 +55,32 @@ def said_share(flags: list[bool]) -> str:
     return f"{s['hits']} of {s['count']} ({s['low']:.2f} to {s['high']:.2f})" if s["count"] else "-"
 
 
-def row_of(name: str, calibration: dict[str, Any], rows: list[Row]) -> str:
+def row_of(name: str, calibration: dict[str, Any], rows: list[Row]) -> list[str]:
     """A world as a row of the table."""
     if "held_out" not in calibration:
-        return f"| {name} | {calibration['message']} |"
+        return [name, calibration["message"]]
     cost = [w.split(" takes ")[1].split(" for ")[0] for w in calibration["warnings"] if "for a roll-out" in w]
     seconds = [row.answer["seconds"] for row in rows if "seconds" in row.answer]
-    cells = [
+    return [
         name, f"{calibration['held_out']['ratio']:.2f}", said_share([row.right for row in rows if row.effects]),
         said_share([row.right for row in rows if not row.effects]),
         said_share([held for row in rows for held in row.covered]), cost[0] if cost else "-",
         f"{calibration['seconds']:.0f}", f"{np.median(seconds):.0f}" if seconds else "-",
     ]  # fmt: skip
-    return f"| {' | '.join(cells)} |"
 
 
 def main(config: Judge) -> None:
     """Judges all worlds."""
-    lines = [f"| {' | '.join(COLUMNS)} |", "|" + " --- |" * len(COLUMNS)]
-    details, every = [], list[Row]()
+    worlds, every = [], list[Row]()
     config.out.mkdir(parents=True, exist_ok=True)
     for world in config.worlds:
         calibration, rows = judged(world, config.out, config.workers)
-        lines.append(row_of(world.name, calibration, rows))
+        worlds.append(row_of(world.name, calibration, rows))
         every += rows
-        details += [f"| {row.world} | {row.case} ({row.drives}) | {row.effects or 'none'} | {row.said} "
-                    f"{row.probability:.2f} | {'right' if row.right else 'wrong'} |" for row in rows]  # fmt: skip
-    text = "\n".join([*lines, "", "| simulator | day | hidden | said | |", "| --- | --- | --- | --- | --- |", *details])
+    details = [(row.world, f"{row.case} ({row.drives})", row.effects or "none", f"{row.said} {row.probability:.2f}",
+                "right" if row.right else "wrong") for row in every]  # fmt: skip
+    lines = tabulated(COLUMNS, worlds)
+    text = "\n".join([*lines, "", *tabulated(("simulator", "day", "hidden", "said", ""), details)])
     write_text(config.out / "judged.md", text + "\n")
     write_json(config.out / "judged.json", [dataclasses.asdict(row) | {"right": row.right} for row in every])
     write_versions(config.out)

@@ -25,7 +25,7 @@ from drift_drake.drive.learnt.quality import step_model
 from drift_drake.drive.loop.closed_loop import ClosedLoop, ControlConfig
 from drift_drake.drive.loop.drive import Drive
 from drift_drake.drive.loop.faults import ACTUATOR_KINDS, PLAN_KINDS, SENSOR_KINDS, SOLVER_KINDS, Fault
-from drift_drake.drive.manoeuvres.drivers import ROW_PERIOD, HoldDriver
+from drift_drake.drive.manoeuvres.drivers import ROW_PERIOD
 from drift_drake.drive.reference.equilibrium import drift_equilibrium
 from drift_drake.drive.reference.trajectory import Reference, straight_line
 from drift_drake.gap.monitoring.in_loop import GapWatch
@@ -33,6 +33,7 @@ from drift_drake.gap.monitoring.monitor import make_monitor
 from drift_drake.gap.monitoring.watch import WATCHED
 from drift_drake.view.playback.side_by_side import CarModel, SideBySide
 from experiments.benchmarks.drake_cases import drake_case
+from experiments.benchmarks.drifters import HoldDriver
 from experiments.benchmarks.truths import Truth
 
 ROOT = Path(__file__).parents[2]

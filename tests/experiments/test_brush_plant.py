@@ -6,9 +6,9 @@ from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial
 
-from drift_drake.car.double_track.plant import PERIOD
 from drift_drake.car.effects.magnitudes import Effects
 from drift_drake.car.single_track.path_plant import PLANT_STATES
+from experiments.benchmarks.rows import PERIOD
 from experiments.other_worlds.brush_car import STATES, advance
 from experiments.other_worlds.brush_drifters import draw_drifter
 from experiments.other_worlds.brush_plant import OWN, BrushPlant

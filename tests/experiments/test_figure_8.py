@@ -16,7 +16,7 @@ from drift_drake.car.parameters import CarParameters, VehicleParameters
 from drift_drake.car.single_track.path_plant import CurvedPath, PathPlant
 from drift_drake.common.errors import InvalidOptionError
 from drift_drake.common.executors import ExecutorConfig, NoClusterError, run_jobs
-from drift_drake.drive.gathering.config import GatheringConfig, as_in_paper
+from drift_drake.drive.gathering.config import GatheringConfig
 from drift_drake.drive.learnt.checkpoint import paper_checkpoint
 from drift_drake.drive.loop.closed_loop import ControlConfig
 from drift_drake.drive.loop.endings import RunLimits
@@ -30,6 +30,7 @@ from experiments.drifting.figure_8 import main
 from experiments.drifting.runs import Learnt, ModelsConfig
 from experiments.gathering import beliefs
 from experiments.gathering.familiar import usual_surprise
+from experiments.gathering.recipe import as_in_paper
 from experiments.other_worlds import true_cars
 from experiments.other_worlds.brush_step import BrushStepModel
 from experiments.settings import OtherExperimentError

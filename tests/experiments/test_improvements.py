@@ -13,7 +13,7 @@ import pytest
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.common.errors import InvalidOptionError
 from drift_drake.common.executors import ExecutorConfig
-from drift_drake.drive.gathering.config import GatheringConfig, as_in_paper
+from drift_drake.drive.gathering.config import GatheringConfig
 from drift_drake.drive.learnt.adapter import DEFAULT_THRESHOLD
 from drift_drake.drive.learnt.checkpoint import load_model, paper_checkpoint
 from drift_drake.drive.loop.closed_loop import ControlConfig
@@ -33,6 +33,7 @@ from experiments.drifting.improvements import (
     summarise_ladder,
 )
 from experiments.drifting.runs import EXTRAS, ModelsConfig, paper_control
+from experiments.gathering.recipe import as_in_paper
 
 
 def test_the_ladder_begins_as_in_the_paper_and_ends_as_shipped() -> None:

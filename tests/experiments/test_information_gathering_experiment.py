@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from drift_drake.drive.gathering.config import PAPER_ALPHA, GatheringConfig
+from drift_drake.drive.gathering.config import GatheringConfig
 from drift_drake.drive.gathering.plan import Trajectory
 from drift_drake.drive.learnt.bayesian_step import BayesianStepModel
 from drift_drake.drive.learnt.checkpoint import load_model
@@ -23,6 +23,7 @@ from experiments.gathering.information_gathering import (
     make_shared,
     random_steering,
 )
+from experiments.gathering.recipe import PAPER_ALPHA
 from experiments.gathering.summary import markdown, stop_round, summarise, summarise_halves
 
 

@@ -15,7 +15,7 @@ from drift_drake.drive.learnt.checkpoint import load_model
 from drift_drake.drive.learnt.command_lag import lagged_commands
 from drift_drake.drive.learnt.quality import step_model
 from drift_drake.drive.learnt.samples import Samples, concatenate, save_samples
-from drift_drake.drive.manoeuvres.vehicles import draw_effects
+from experiments.benchmarks.vehicles import draw_effects
 from experiments.model.quality import QualityConfig, main
 from experiments.model.uncertainties import UNCERTAINTIES_AT, model_change, true_change
 

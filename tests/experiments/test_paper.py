@@ -10,10 +10,11 @@ import pandas as pd
 import pytest
 
 from drift_drake.common.executors import ExecutorConfig
-from drift_drake.drive.gathering.config import GatheringConfig, Recipe, as_in_paper
+from drift_drake.drive.gathering.config import GatheringConfig
 from drift_drake.drive.gathering.plan import Trajectory
 from drift_drake.drive.learnt.checkpoint import paper_checkpoint
 from experiments.drifting.runs import EXTRAS, reference
+from experiments.gathering.recipe import Recipe, as_in_paper
 from experiments.paper import __main__ as command
 from experiments.paper import claims, drives, parts, tables, verdicts, worth
 from experiments.paper.claims import CLAIMS, Evidence, claims_table, failed_at, read_runs, transitions

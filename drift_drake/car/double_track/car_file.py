@@ -1,20 +1,12 @@
 """A double-track car in a file: its parameters under `double_track:`, and its effects, as YAML."""
 
-import dataclasses
 import math
-from pathlib import Path
 from typing import Any
 
 from drift_drake.car.double_track.motion import check_supported
-from drift_drake.car.double_track.parameters import DoubleTrackParameters, TireParameters
+from drift_drake.car.double_track.parameters import DoubleTrackParameters
 from drift_drake.car.effects.magnitudes import Effects
-from drift_drake.car.parameters import (
-    InvalidVehicleError,
-    Tolerance,
-    as_number,
-    check_keys,
-    vehicle_data,
-)
+from drift_drake.car.parameters import InvalidVehicleError, check_keys, read_plain
 from drift_drake.car.vehicle_file import (
     DOUBLE_TRACK,
     SINGLE_TRACK,
@@ -30,20 +22,12 @@ FASTEST_SETTLING = 1e5  # [1/s]; the coupe's rear rims have 5e3 at their slowest
 FAST = 30.0  # [m/s] at which tyres roll through their relaxation
 
 
-def read_double_track(path: str | Path) -> tuple[DoubleTrackParameters, Effects]:
-    """The car and its effects.
+def double_track_of_data(data: Any, source: str) -> tuple[DoubleTrackParameters, Effects]:
+    """The car and its effects, of what a file holds that has `double_track:`.
 
     Raises:
-        InvalidVehicleError: names the file, the key and the remedy.
+        InvalidVehicleError: names `source`, the key and the remedy.
     """
-    data = vehicle_data(path)
-    if not isinstance(data, dict) or DOUBLE_TRACK not in data:
-        raise InvalidVehicleError(f"{path}: no double-track car; write its parameters under '{DOUBLE_TRACK}:'")
-    return double_track_of_data(data, str(path))
-
-
-def double_track_of_data(data: Any, source: str) -> tuple[DoubleTrackParameters, Effects]:
-    """`read_double_track` of what a file holds; errors name `source`."""
     check_keys(source, "", data, {DOUBLE_TRACK, SINGLE_TRACK, "effects"})
     kept_single_track(data, source)
     effects = effects_of(data.get("effects"), source)
@@ -81,28 +65,6 @@ def check_settling(car: DoubleTrackParameters, source: str) -> None:
 
 
 def double_track_from_dict(data: Any, source: str) -> DoubleTrackParameters:
-    """The car of plain data; every parameter must be there, none may be unknown.
-
-    Raises:
-        InvalidVehicleError: names `source`, the key and the remedy.
-    """
-    parts = {name: data.get(name) for name in TIRES} if isinstance(data, dict) else {"": data}
-    stated = data.get("tolerance", {}) if isinstance(data, dict) else {}
-    for name, part in ({"": data} | parts | {"tolerance": stated}).items():
-        if not isinstance(part, dict):
-            raise InvalidVehicleError(f"{source}: '{name or DOUBLE_TRACK}' must hold 'name: value' lines")
-        kind = {"": DoubleTrackParameters, "tolerance": Tolerance}.get(name, TireParameters)
-        known = {field.name for field in dataclasses.fields(kind)}
-        required = set[str]() if name == "tolerance" else known - {"tolerance"}
-        check_keys(source, f"{name}." if name else "", part, known, required)
-    parsed: dict[str, Any] = {key: as_number(value) for key, value in data.items() if key not in (*TIRES, "tolerance")}
-    place = ""
-    try:
-        for name in TIRES:
-            place = f"{name}."
-            parsed[name] = TireParameters(**{key: as_number(value) for key, value in data[name].items()})
-        place = ""
-        parsed["tolerance"] = Tolerance(**{key: as_number(value) for key, value in stated.items()})
-        return DoubleTrackParameters(**parsed)
-    except InvalidVehicleError as error:
-        raise InvalidVehicleError(f"{source}: {place}{error}") from None
+    """The car of plain data; every parameter but the tolerance must be there (`parameters.read_plain`)."""
+    car: DoubleTrackParameters = read_plain(DoubleTrackParameters, data, source)
+    return car

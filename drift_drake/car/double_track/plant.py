@@ -10,21 +10,15 @@ from drift_drake.car.compilation import compiled
 from drift_drake.car.double_track.motion import OwnStates, check_supported, double_track_motion, settled_states
 from drift_drake.car.double_track.parameters import DoubleTrackConstants, DoubleTrackParameters
 from drift_drake.car.double_track.tyres import TireConstants
-from drift_drake.car.effects.delays import commands_at
 from drift_drake.car.effects.magnitudes import COUNT, Effects
-from drift_drake.car.integrate import runge_kutta
 from drift_drake.car.scalar import fixed_tuple, jitable
-from drift_drake.car.single_track.motion import world_rates
 from drift_drake.car.single_track.path_plant import PLANT_STATES, CurvedPath, PathPlant, kinematic_rates, plant_template
 from drift_drake.common.arrays import Array
 
 DOUBLE_TRACK_STATES = (*PLANT_STATES, *OwnStates._fields)
 DoubleTrackStateView = namedview("DoubleTrackStateView", DOUBLE_TRACK_STATES)
-LOG_STATES = ("r", "v", "beta", "omega_r", "psi", "x", "y", *OwnStates._fields)
 NUMBERS, TIRE = len(DoubleTrackConstants._fields) - 2, len(TireConstants._fields)  # of the car but its tyres; of each
 REAR = NUMBERS + TIRE
-PERIOD = 0.01  # [s] of the rows
-SUBSTEPS = 10  # RK4 steps a row; rear wheels ring in their tyres at some 300 rad/s, or settle in them within 1.5 ms
 
 
 def flattened(p: DoubleTrackConstants) -> tuple[Any, ...]:
@@ -125,63 +119,3 @@ class DoubleTrackCarPlant(PathPlant):
 DoubleTrackPlant_ = plant_template("DoubleTrackPlant_", DoubleTrackCarPlant)
 DoubleTrackPlant = DoubleTrackPlant_[None]
 """The car on floats; `ToAutoDiffXd()` and `ToSymbolic()` convert it, parameters, effects and path included."""
-
-
-@compiled
-def _world_frame_rates(z: Any, command: Any, car: Any, out: Any) -> Any:
-    """Writes d(LOG_STATES)/dt; returns (a_x, a_y)."""
-    own = OwnStates(z[7], z[8], z[9], z[10], z[11], z[12], z[13], z[14], z[15], z[16], z[17], z[18], z[19])
-    m, rates = double_track_motion(z[0], z[1], z[2], z[3], z[4], own, command[0], command[1], car[0], car[1])
-    out[0], out[1], out[2], out[3] = m.r_dot, m.v_dot, m.beta_dot, m.omega_r_dot
-    out[5], out[6], out[4] = world_rates(z[0], z[1], z[2], z[4])
-    (out[7], out[8], out[9], out[10], out[11], out[12], out[13], out[14], out[15], out[16], out[17], out[18],
-     out[19]) = rates  # fmt: skip
-    return m.a_x, m.a_y
-
-
-@jitable
-def runge_kutta_row(rates: Any, z: Any, row: Any, delta: Any, tau: Any, p: Any, q: Any) -> Any:
-    """States z a row later, in place, by RK4 of `rates(z, command, (p, q), out)`; returns (a_x, a_y) there."""
-    last, k, work = row + 1, np.empty(len(z)), np.empty((2, len(z)))
-    for i in range(SUBSTEPS):
-        begin = commands_at(delta, tau, row + i / SUBSTEPS, last, PERIOD, q)
-        middle = commands_at(delta, tau, row + (i + 0.5) / SUBSTEPS, last, PERIOD, q)
-        end = commands_at(delta, tau, row + (i + 1) / SUBSTEPS, last, PERIOD, q)
-        runge_kutta(rates, z, begin, middle, end, PERIOD / SUBSTEPS, (p, q), k, work)
-    return rates(z, end, (p, q), k)
-
-
-@compiled
-def _advance(z: Any, row: Any, delta: Any, tau: Any, p: Any, q: Any) -> Any:
-    return runge_kutta_row(_world_frame_rates, z, row, delta, tau, p, q)
-
-
-@compiled
-def _start(r: Any, v: Any, beta: Any, omega_r: Any, delta: Any, tau: Any, p: Any, q: Any, z: Any) -> Any:
-    z[0], z[1], z[2], z[3] = r, v, beta, omega_r
-    z[4], z[5], z[6] = 0.0, 0.0, 0.0
-    own = settled_states(r, v, beta, omega_r, delta, tau, p, q)
-    for i, value in enumerate(own):
-        z[7 + i] = value
-    return _world_frame_rates(z, (delta, tau), (p, q), np.empty(len(z)))
-
-
-def start(state: Array, command: tuple[float, float], p: DoubleTrackConstants, q: Effects) -> tuple[Array, Array]:
-    """States [20] (`LOG_STATES`) settled in (r, v, beta, omega_r) at the origin, and (a_x, a_y) [m/s^2] there."""
-    z = np.empty(len(LOG_STATES))
-    r, v, beta, omega_r = (float(value) for value in state)
-    acceleration = _start(r, v, beta, omega_r, command[0], command[1], p, q, z)
-    return z, np.array(acceleration)
-
-
-def advance(z: Array, row: int, delta: Array, tau: Array, p: DoubleTrackConstants, q: Effects) -> tuple[Array, Array]:
-    """States a row later, and (a_x, a_y) [m/s^2] there.
-
-    Args:
-        z: states [20] at `row`; delta [rad], tau [N m]: the commands' rows [rows], filled up to row + 1, linear
-            between rows; each is delayed here.
-        p: the car; q: magnitudes, the sensors' unused.
-    """
-    later = z.copy()
-    acceleration = _advance(later, row, delta, tau, p, q)
-    return later, np.array(acceleration)

@@ -1,14 +1,13 @@
 """The double-track car as a one-step model: what an MPC believes that knows this car and its effects (its oracle).
 
 The car's own states (`double_track.motion.OwnStates`: actuators, rim difference, roll, wheel loads, slips) are states
-of the model. They are not measured; `InternalStateObserver` runs them along the measured states and the commands.
+of the model (`car.internal_states`).
 """
 
 import math
 
 import numpy as np
 from numpy.typing import NDArray
-from pydrake.systems.framework import LeafSystem
 
 from drift_drake.car.compilation import compiled
 from drift_drake.car.double_track.motion import OwnStates, check_supported, settled_states
@@ -16,11 +15,11 @@ from drift_drake.car.double_track.parameters import DoubleTrackConstants, Double
 from drift_drake.car.double_track.stepping import OWN, SIZE, advance_state, path_motion
 from drift_drake.car.effects.magnitudes import Effects
 from drift_drake.car.integrate import runge_kutta
+from drift_drake.car.internal_states import RememberingStepModel, check_one_step
 from drift_drake.car.lanes import LANES, load_lanes, store_lanes
 from drift_drake.car.scalar import jitable
-from drift_drake.car.single_track.effects_step import InternalStateObserver, check_one_step
-from drift_drake.car.step_model import INPUT_SCALE, STATE_SCALE, STEP, StepModel
-from drift_drake.common.arrays import Array
+from drift_drake.car.step_model import INPUT_SCALE, STATE_SCALE, STEP
+from drift_drake.common.arrays import Array, contiguous
 
 OWN_SCALE = np.array(OwnStates(
     steering=0.3, torque=100.0, rim_difference=3.0, roll=0.05, roll_rate=0.3, a_x=5.0, a_y=5.0, front_left_slip=0.3,
@@ -33,7 +32,7 @@ ACCURATE = 1.8  # of a sub-step times the fastest eigenvalue: RK4 is stable to 2
 SPEEDS = (3.0, 10.0, 30.0)  # [m/s] at which, rolling straight ahead, the fastest eigenvalue is looked for
 
 
-class DoubleTrackStepModel(StepModel):
+class DoubleTrackStepModel(RememberingStepModel):
     """One step of the double-track car: RK4 with sub-steps under linear input, by the plant's own equations.
 
     States [N, 19]: r [rad/s], v [m/s], beta [rad], omega_r [m/s] (the mean rim speed of the rear wheels, as the
@@ -57,21 +56,17 @@ class DoubleTrackStepModel(StepModel):
         self.parameters, self.constants, self.effects = parameters, parameters.constants(), effects
         self.substeps = max(LEAST_SUBSTEPS, math.ceil(STEP * self._fastest() / ACCURATE))
 
-    def with_theta(self, theta: Array) -> "DoubleTrackStepModel":
-        """The same step of the car that has the effects' magnitudes `theta` in place of its own."""
-        return DoubleTrackStepModel(self.parameters, Effects(*(float(q) for q in theta)))
-
-    def observer(self, period: float) -> LeafSystem:
-        return InternalStateObserver(self, period)
+    def with_effects(self, effects: Effects) -> "DoubleTrackStepModel":
+        return DoubleTrackStepModel(self.parameters, effects)
 
     def step(self, x: Array, u: Array, u_next: Array, curvature: Array) -> Array:
         x_next = np.array(x, dtype=float, order="C")
-        _steps(x_next, *_contiguous(u, u_next, curvature), self.constants, self.effects, STEP, self.substeps)
+        _steps(x_next, *contiguous(u, u_next, curvature), self.constants, self.effects, STEP, self.substeps)
         return x_next
 
     def linearize(self, x: Array, u: Array, u_next: Array, curvature: Array) -> tuple[Array, Array, Array, Array]:
         x_next, sensitivity = np.array(x, dtype=float, order="C"), np.empty((len(x), SIZE, SIZE + 4))
-        _sensitivities(x_next, *_contiguous(u, u_next, curvature), self.constants, self.effects, STEP, self.substeps,
+        _sensitivities(x_next, *contiguous(u, u_next, curvature), self.constants, self.effects, STEP, self.substeps,
                        sensitivity)  # fmt: skip
         n = SIZE
         return x_next, sensitivity[:, :, :n], sensitivity[:, :, n : n + 2], sensitivity[:, :, n + 2 :]
@@ -84,7 +79,7 @@ class DoubleTrackStepModel(StepModel):
     def run_on(self, x: Array, u: Array, u_next: Array, duration: float) -> Array:
         later = x[None].copy()
         substeps = math.ceil(self.substeps * duration / STEP)
-        _steps(later, *_contiguous(u[None], u_next[None], np.zeros(1)), self.constants, self.effects, duration,
+        _steps(later, *contiguous(u[None], u_next[None], np.zeros(1)), self.constants, self.effects, duration,
                substeps)  # fmt: skip
         return later[0]
 
@@ -103,11 +98,6 @@ class DoubleTrackStepModel(StepModel):
             _linearized(x, np.zeros(2), 0.0, self.constants, self.effects, jacobian)
             found = max(found, float(np.abs(np.linalg.eigvals(jacobian[:, :SIZE])).max()))
         return found
-
-
-def _contiguous(u: Array, u_next: Array, curvature: Array) -> tuple[Array, Array, Array]:
-    return (np.ascontiguousarray(u, dtype=float), np.ascontiguousarray(u_next, dtype=float),
-            np.ascontiguousarray(curvature, dtype=float))  # fmt: skip
 
 
 @compiled

@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 
-from drift_drake.car.compilation import compiled
 from drift_drake.car.effects.catalogue import CATALOGUE
 from drift_drake.car.effects.joined import Function, over, plus
 from drift_drake.car.effects.magnitudes import Effects
@@ -97,21 +96,3 @@ def _clock(q: Effects, command: Command) -> float:
 def _moved(values: Array, ahead: float, period: float) -> Array:
     t = period * np.arange(len(values))
     return np.asarray(np.interp(t + ahead, t, values)) if ahead != 0.0 else values
-
-
-@compiled
-def _command_at(command: Any, place: Any, last: Any) -> Any:
-    if place <= 0.0:
-        return command[0]
-    row = min(int(place), last)
-    return command[row] + (place - row) * (command[min(row + 1, last)] - command[row])
-
-
-@compiled
-def commands_at(delta: Any, tau: Any, place: Any, last: Any, period: Any, q: Any) -> Any:
-    """Both commands as they reach the car at a place [rows], from rows up to `last` with `period` [s] between them.
-
-    Linear between rows; before the first row they were what they are there.
-    """
-    late_delta, late_tau = command_delays(q)
-    return _command_at(delta, place - late_delta / period, last), _command_at(tau, place - late_tau / period, last)

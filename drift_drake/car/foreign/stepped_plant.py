@@ -2,15 +2,15 @@
 
 import math
 from collections.abc import Sequence
-from typing import Any, NamedTuple, Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
 
-from drift_drake.car.single_track.motion import INPUTS, STATES
-from drift_drake.car.single_track.path_plant import PLANT_STATES, POSE, POSE_AT, CurvedPath, MotionError, PathPlant
+from drift_drake.car.single_track.motion import INPUTS
+from drift_drake.car.single_track.path_plant import PLANT_STATES, PORTS, POSE_AT, CurvedPath, MotionError, PathPlant
 from drift_drake.common.arrays import Array
-from drift_drake.common.updates import declare_update
+from drift_drake.common.updates import declare_output, declare_parts, declare_update
 
 PERIOD = 0.002  # [s] between samples of the command
 NEAREST = 3  # Newton steps to the path's nearest point, from that of a period before
@@ -71,12 +71,8 @@ class SteppedPlant(PathPlant, LeafSystem):
         self._state = self.DeclareDiscreteState(OWN + len(car.state_names))
         declare_update(self, PERIOD, self._step)
         given = {self.xd_ticket()}
-        pose = slice(POSE_AT, POSE_AT + len(POSE))
-        parts = {"state": slice(len(STATES)), "path_position": slice(6, 7), "pose": pose, "full_state": slice(None)}
-        for name, part in parts.items():
-            size = len(range(*part.indices(len(self.state_names))))
-            self.DeclareVectorOutputPort(name, size, self._setting(part), prerequisites_of_calc=given)
-        self.DeclareVectorOutputPort("acceleration", 2, self._calc_acceleration, prerequisites_of_calc=given)
+        declare_parts(self, PORTS | {"full_state": slice(0, len(self.state_names))}, self._full_state, given)
+        declare_output(self, "acceleration", 2, lambda context: self._held(context)[ACCELERATION], given)
 
     def set_initial(
         self, context: Context, state: Sequence[float], s: float = 0.0, pose: Sequence[float] | None = None,
@@ -87,8 +83,11 @@ class SteppedPlant(PathPlant, LeafSystem):
         own = self._car.start(placed[:4], placed[POSE_AT:], actuation)
         context.SetDiscreteState(np.concatenate([[placed[6], placed[9], 0.0, 0.0], own]))
 
+    def _held(self, context: Context) -> Array:
+        return context.get_discrete_state(self._state).value()
+
     def _step(self, context: Context, discrete: DiscreteValues) -> None:
-        held = context.get_discrete_state(self._state).value()
+        held = self._held(context)
         wrench = self._disturbance.Eval(context) if self._disturbance.HasValue(context) else np.zeros(3)
         own = self._car.step(held[OWN:], self._actuation.Eval(context), wrench, PERIOD)
         if not np.isfinite(own).all():
@@ -113,7 +112,7 @@ class SteppedPlant(PathPlant, LeafSystem):
         return s
 
     def _full_state(self, context: Context) -> Array:
-        held = context.get_discrete_state(self._state).value()
+        held = self._held(context)
         m, s = self._car.motion(held[OWN:]), float(held[S])
         x, y, heading = (0.0, 0.0, 0.0) if self.path is None else (float(value) for value in self.path.pose(s))
         e = math.cos(heading) * (m.y - y) - math.sin(heading) * (m.x - x)
@@ -121,9 +120,3 @@ class SteppedPlant(PathPlant, LeafSystem):
         beta, dphi = (math.remainder(course - angle, 2.0 * math.pi) for angle in (m.psi, heading))
         v, psi = math.hypot(m.v_x, m.v_y), held[HEADING]
         return np.concatenate([[m.r, v, beta, m.omega_r, e, dphi, s, m.x, m.y, psi], held[OWN:]])
-
-    def _setting(self, part: slice) -> Any:
-        return lambda context, output: output.SetFromVector(self._full_state(context)[part])
-
-    def _calc_acceleration(self, context: Context, output: Any) -> None:
-        output.SetFromVector(context.get_discrete_state(self._state).value()[ACCELERATION])

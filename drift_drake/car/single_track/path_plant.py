@@ -15,10 +15,14 @@ from drift_drake.car.effects.magnitudes import Effects
 from drift_drake.car.scalar import jitable
 from drift_drake.car.single_track.motion import INPUTS, STATES, path_rates, world_rates
 from drift_drake.common.errors import DriftDrakeError
+from drift_drake.common.updates import declare_output, declare_parts
 
 POSE = ("x", "y", "psi")
 PLANT_STATES = (*STATES, "s", *POSE)
-POSE_AT, OWN_AT = PLANT_STATES.index("x"), len(PLANT_STATES)
+POSE_AT = PLANT_STATES.index("x")
+PORTS = {"state": slice(0, len(STATES)), "path_position": slice(len(STATES), POSE_AT),
+         "pose": slice(POSE_AT, len(PLANT_STATES))}  # fmt: skip
+"""Output ports, and places of their numbers in the state."""
 
 CURVATURE_STEP = 1e-3  # [m] of the difference that gives a path's curvature its slope for AutoDiffXd
 
@@ -77,12 +81,12 @@ class PathPlant:
         self._disturbance = self.DeclareVectorInputPort("disturbance", 3)
         self._curvature = self.DeclareVectorInputPort("curvature", 1)
         state = {self.xc_ticket()}
-        self.DeclareVectorOutputPort("state", len(STATES), self._calc_state, prerequisites_of_calc=state)
-        self.DeclareVectorOutputPort("path_position", 1, self._calc_path_position, prerequisites_of_calc=state)
-        self.DeclareVectorOutputPort("pose", len(POSE), self._calc_pose, prerequisites_of_calc=state)
+        declare_parts(self, PORTS, _state, state)
         given = {self.all_parameters_ticket(), self._disturbance.ticket()}
-        self.DeclareVectorOutputPort("acceleration", 2, self._calc_acceleration,
-                                     prerequisites_of_calc={*state, *given, self._actuation.ticket()})  # fmt: skip
+        acceleration = {*state, *given, self._actuation.ticket()}
+        # The path does not enter.
+        declare_output(self, "acceleration", 2, lambda context: self._rates(context, _state(context), 0.0)[-2:],
+                       acceleration)  # fmt: skip
         self.DeclareStateOutputPort("full_state", state_index)
         # What hardly ever changes is read once for all derivatives.
         producer = ValueProducer(allocate=lambda: AbstractValue.Make(()), calc=self._copy_given)
@@ -118,15 +122,11 @@ class PathPlant:
         context.SetContinuousState([self.scalar(value) for value in (*placed, *own)])
 
     def DoCalcTimeDerivatives(self: Any, context: Any, derivatives: Any) -> None:  # noqa: N802
-        x = context.get_continuous_state_vector().CopyToVector()
+        x = _state(context)
         curvature = self.path_curvature(context, x[6])
         if self.scalar is float:
             self.check_finite(x, context)
         derivatives.SetFromVector(self._rates(context, x, curvature)[:-2])
-
-    def _calc_acceleration(self: Any, context: Any, output: Any) -> None:
-        x = context.get_continuous_state_vector().CopyToVector()
-        output.SetFromVector(self._rates(context, x, 0.0)[-2:])  # the path does not enter
 
     def _rates(self: Any, context: Any, x: Any, curvature: Any) -> Any:
         u, (wrench, p, q) = self._actuation.Eval(context), self._given.Eval(context)
@@ -180,14 +180,9 @@ class PathPlant:
             return AutoDiffXd(float(self.path.curvature(at)), float(slope) * s.derivatives())
         raise ValueError("a path's curvature has no Expression; connect the port 'curvature' of the plant")
 
-    def _calc_state(self, context: Any, output: Any) -> None:
-        output.SetFromVector(context.get_continuous_state_vector().CopyToVector()[: len(STATES)])
 
-    def _calc_path_position(self, context: Any, output: Any) -> None:
-        output[0] = context.get_continuous_state_vector()[len(STATES)]
-
-    def _calc_pose(self, context: Any, output: Any) -> None:
-        output.SetFromVector(context.get_continuous_state_vector().CopyToVector()[POSE_AT:OWN_AT])
+def _state(context: Any) -> Any:
+    return context.get_continuous_state_vector().CopyToVector()
 
 
 def plant_template(name: str, base: type[PathPlant]) -> Any:

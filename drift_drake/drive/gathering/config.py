@@ -1,18 +1,14 @@
 """What a drive that is planned for information is: along which lane, by which objective, within which limits."""
 
 import dataclasses
-from collections.abc import Iterable
-from pathlib import Path
-from typing import Literal, Self
+from typing import Literal
 
 import numpy as np
-import pandas as pd
 
 from drift_drake.car.step_model import STATE_SCALE
 from drift_drake.common.arrays import Array
 from drift_drake.common.errors import InvalidOptionError
 from drift_drake.drive.learnt.bayesian_step import PathStep
-from drift_drake.drive.learnt.checkpoint import paper_checkpoint
 from drift_drake.drive.mpc.ocp import OcpData, OcpWeights, OptimalControlProblem
 from drift_drake.drive.mpc.plan import DT
 from drift_drake.drive.qp.qp import QpMethod
@@ -29,13 +25,9 @@ SLIP_SOFTENING = 5.0  # [m/s], likewise
 # course [rad], and the rear rim's slip over the ground [m/s].
 ENDS = (({0: 1.0}, 0.2), ({2: 1.0}, 0.05), ({5: 1.0}, 0.1), ({3: 1.0, 1: -1.0}, 2.0))
 END_SOFTENING = 0.3  # of a limit that costs as much as 1 m over the lane's edge
-PAPER_ALPHA = 4.0  # [1/nat] of the paper's recipe; chosen by `experiments.gathering.alpha`
 # What a plan is to tell: l_info of eq. (8); the same with the covariance updated along the horizon; of drifts to come;
 # of what the control along the figure-8 will need.
 Objective = Literal["eq8", "updated", "drifts", "reference"]
-# What `as_in_paper` turns off, since the paper does not have it: the screen of measurements, the gate of the adapter's
-# samples, plans from fresh guesses, the prediction over the delay, the safe stop, the interior-point method.
-Extra = Literal["screening", "gate", "fresh_guesses", "delay", "safe_stop", "interior_point"]
 NARROWEST = 0.5  # half width of a lane that bends, of its radius
 LONGEST_DRIVE = 600.0  # [s] on a track
 
@@ -213,76 +205,11 @@ class GatheringConfig(LaneDrive):
         return self.duration if self.lane == "track" else self.steps * DT
 
 
-def as_in_paper(
-    config: GatheringConfig,
-    alpha: float = PAPER_ALPHA,
-    qp: QpMethod = "osqp",
-    objective: Literal["eq8", "updated"] = "eq8",
-) -> GatheringConfig:
-    """Information gathering as in the paper: eq. (8) in every round with one weight, Euler's path, nothing bounded.
-
-    Nothing else than convergence says then whether a plan is of a car's motion: one that has not converged is none.
-
-    Args:
-        alpha: weight of the information [1/nat], which the paper does not state; qp: the paper's solver.
-        objective: "updated" for the total information along the horizon, which the paper tried too.
-    """
-    return dataclasses.replace(
-        config, objective=objective, objective_later=objective, fixed_alpha=True, ends_straight=False, bounded=False,
-        path_step="euler", learn_lags=False, alpha=alpha, only_converged=True, qp=qp,
-    )  # fmt: skip
-
-
-@dataclasses.dataclass(frozen=True)
-class Recipe:
-    """What every experiment that gathers is configured with."""
-
-    checkpoint: Path | None = None
-    """Of the learnt model; without, the shipped one, or the paper's."""
-    as_in_paper: bool = False
-    """The paper's model (27,012 parameters, z alone, T = 10, four separate beliefs, 35 vehicles) and its information
-    gathering: eq. (8) with one weight, Euler's path, no added bounds; its controller, without what `keep` lists."""
-    paper_objective: Literal["eq8", "updated"] = "eq8"
-    """"updated": the total information along the horizon in place of eq. (8)'s sum."""
-    keep: tuple[Extra, ...] = ()
-    """Of what the paper has not, what the recipe keeps all the same."""
-    paper_alpha: float = PAPER_ALPHA
-    """Weight of the information in the paper's recipe, which has this in place of gathering.alpha."""
-    gathering: GatheringConfig = dataclasses.field(default_factory=GatheringConfig)
-
-    def resolved(self) -> Self:
-        """The configuration with what `as_in_paper` stands for.
-
-        Raises:
-            InvalidOptionError: a weight that the recipe does not take.
-        """
-        if not self.as_in_paper:
-            if self.keep:
-                raise InvalidOptionError(f"--keep {self.keep[0]}: give --as-in-paper too; without it, all is kept")
-            return self
-        if self.gathering.alpha != GatheringConfig.alpha:
-            raise InvalidOptionError(
-                f"--gathering.alpha {self.gathering.alpha:g}: the paper's recipe has a weight of its own; "
-                f"give --paper-alpha {self.gathering.alpha:g}"
-            )
-        qp = self.gathering.qp if "interior_point" in self.keep else "osqp"
-        gathering = as_in_paper(self.gathering, self.paper_alpha, qp, self.paper_objective)
-        return dataclasses.replace(self, checkpoint=self.checkpoint or paper_checkpoint(), gathering=gathering)
-
-
 def lane(config: GatheringConfig) -> Reference:
     """The lane, and the speed along it."""
     if config.lane == "track":
         return stadium(config.track, config.v_end, config.half_width)
     return circle(config.v_start, config.v_end, config.steps * DT, config.curvature, config.half_width)
-
-
-def lane_for_pictures(config: GatheringConfig, tables: Iterable[pd.DataFrame]) -> Reference:
-    """The lane, as long as the farthest of drives: one that is faster than the reference leaves its end behind."""
-    if config.lane == "track":
-        return lane(config)
-    farthest = max(lane(config).distance, *(float(table["s"].max()) for table in tables))
-    return circle(config.v_end, config.v_end, farthest / config.v_end, config.curvature, config.half_width)
 
 
 def positions(config: GatheringConfig, states: Array, start: float = 0.0) -> Array:

@@ -170,7 +170,7 @@ def execution(
     """The diagram that drives a trajectory on a vehicle; see `Drive`."""
     states = trajectory.x[:, :6]
     gains = tracking_gains(NominalStepModel(parameters), states, trajectory.u, curvature_along(config, states))
-    controller = TrackingController(states, trajectory.u, gains, DT)
+    controller = TrackingController(states, trajectory.u, gains)
     start = (float(trajectory.u[0, 0]), float(trajectory.u[0, 1]))
     return Drive(parameters, controller, 1, DT, None, start, effects, lane(config), plant=plant)
 

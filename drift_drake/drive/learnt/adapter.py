@@ -7,17 +7,16 @@ import numpy as np
 from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem
 
 from drift_drake.common.arrays import Array
-from drift_drake.common.updates import declare_update
+from drift_drake.common.updates import declare_output, declare_update
 from drift_drake.drive.learnt.bayesian_step import regression_points
 from drift_drake.drive.learnt.checkpoint import BayesianModel
-from drift_drake.drive.learnt.command_lag import LAGGED, TIME_STEP
+from drift_drake.drive.learnt.command_lag import TIME_STEP
 from drift_drake.drive.learnt.features import COVARIANCE_COUNT, FEATURE_COUNT, MEAN_COUNT, STATE_COUNT
 from drift_drake.drive.learnt.posterior import Posterior, mahalanobis, predict, update_and_density
 
 MEASURED_COUNT = 7  # (r, v, beta, omega_r, e, dphi, s)
 PARAMETER_COUNT = MEAN_COUNT + STATE_COUNT + 2  # of the output port `parameters`
 DEFAULT_THRESHOLD = 8.0
-WINDOW = 20  # samples: 2 s
 OFFSET_TIME = 2.0  # [s] of the offset, for a car that no model knows; chosen of 0.4, 1 and 2 on eight double-track cars
 
 
@@ -29,25 +28,14 @@ class Adapted(NamedTuple):
     left: Array  # what the learnt states did over the step, less what the posterior's mean says [4]
 
 
-def adapt(model: BayesianModel, posterior: Posterior, x: Array, u: Array, u_next: Array, x_next: Array,
-          threshold: float = DEFAULT_THRESHOLD) -> Adapted | None:  # fmt: skip
-    """The posterior after one sample, or None if the sample is refused.
-
-    A sample is refused when it is not finite, or when its Mahalanobis distance from the prediction (eq. 6, over the
-    four learnt states) is beyond the threshold: a spike of a sensor rather than news of the car.
-
-    Args:
-        x, x_next: measured states and lagged commands at both ends of the step [8]; u, u_next: commands there [2].
-    """
-    found = adapt_bank((model,), (posterior,), x[:6], x[None, LAGGED], u, u_next, x_next, threshold)
-    return None if found is None else found[0]
-
-
 def adapt_bank(
     models: Sequence[BayesianModel], posteriors: Sequence[Posterior], x: Array, lagged: Array, u: Array, u_next: Array,
     x_next: Array, threshold: float,
 ) -> list[Adapted] | None:  # fmt: skip
-    """`adapt` of models that differ in their lags; a sample is refused if it is too far from what all of them predict.
+    """Each posterior after one sample, of models that differ in their lags; None if the sample is refused.
+
+    A sample is refused when it is not finite, or when its Mahalanobis distance from what each model predicts (eq. 6,
+    over the four learnt states) is beyond the threshold: a spike of a sensor rather than news of the car.
 
     Args:
         x, x_next: measured states at both ends of the step [6 or more]; u, u_next: commands there [2]; lagged: those at
@@ -136,10 +124,7 @@ class BayesianAdapter(LeafSystem):
             ("parameters", PARAMETER_COUNT, self._parameters, ()),
             ("internal_states", 2, self._internal, (self._lagged.ticket(),)),
         ):
-            self.DeclareVectorOutputPort(
-                name, size, lambda context, output, calc=calc: output.SetFromVector(calc(context)),
-                prerequisites_of_calc={*believed, *further},
-            )  # fmt: skip
+            declare_output(self, name, size, calc, {*believed, *further})
         self.DeclareStateOutputPort("counters", self._counters)
         declare_update(self, TIME_STEP, self._tick)
 

@@ -11,6 +11,7 @@ have no learnt part (g_5 = g_6 = 0); two rules for their step are offered:
   0.091 to 0.012 rad (`experiments.model.quality`). The closed loop uses this one.
 """
 
+import copy
 from functools import cache
 from typing import Literal
 
@@ -118,8 +119,7 @@ class BayesianStepModel(StepModel):
         Four numbers more [68] are an offset of the learnt states over a step, added to what theta says of it; two more
         [70] the lags of steering and torque [s].
         """
-        other = object.__new__(BayesianStepModel)
-        other.__dict__.update(self.__dict__)
+        other = copy.copy(self)
         flat, end = np.ravel(theta), MEAN_COUNT + STATE_COUNT
         last_layer, offset, lag = flat[:MEAN_COUNT], flat[MEAN_COUNT:end], flat[end:]
         other._mean = self._mean.with_theta(last_layer.reshape(STATE_COUNT, -1))
@@ -132,8 +132,7 @@ class BayesianStepModel(StepModel):
 
     def expanded(self) -> "BayesianStepModel":
         """The same model for programs that ask for second derivatives at each point: one expansion serves them all."""
-        other = object.__new__(BayesianStepModel)
-        other.__dict__.update(self.__dict__)
+        other = copy.copy(self)
         other._mean = ExpandedMean(self.expansions, self._mean.theta)
         return other
 

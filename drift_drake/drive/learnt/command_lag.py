@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
 
 from drift_drake.common.arrays import Array
-from drift_drake.common.updates import declare_update
+from drift_drake.common.updates import declare_output, declare_update
 
 Numbers = NDArray[np.floating[Any]]
 TIME_STEP = 0.1  # [s] of the model, of the plan's grid and of the training table
@@ -84,12 +84,8 @@ class CommandLag(LeafSystem):
         self._command = self.DeclareVectorInputPort("command", 2)
         held = self.DeclareDiscreteState(np.full(3 + size, np.nan))
         declare_update(self, period, self._update)
-        self.DeclareVectorOutputPort(
-            "lagged_command",
-            size,
-            self._calc_lagged,
-            prerequisites_of_calc={self._command.ticket(), self.discrete_state_ticket(held), self.time_ticket()},
-        )
+        given = {self._command.ticket(), self.discrete_state_ticket(held), self.time_ticket()}
+        declare_output(self, "lagged_command", size, lambda context: self._now(context)[3:], given)
 
     def _now(self, context: Context) -> Array:
         """(time, command, lagged commands) at this tick."""
@@ -102,9 +98,6 @@ class CommandLag(LeafSystem):
             return np.concatenate([[t], command, np.tile(command, len(keep))])
         lagged = keep * held[3:].reshape(-1, 2) + by_now * held[1:3] + by_next * command
         return np.concatenate([[t], command, lagged.ravel()])
-
-    def _calc_lagged(self, context: Context, output: Any) -> None:
-        output.SetFromVector(self._now(context)[3:])
 
     def _update(self, context: Context, discrete: DiscreteValues) -> None:
         discrete.set_value(self._now(context))

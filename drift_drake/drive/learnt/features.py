@@ -8,6 +8,7 @@ given both or neither. The output layers are linear, so theta folds into them: f
 become 4 outputs, and the Jacobian needs 4 reverse rows.
 """
 
+import copy
 from functools import cache, cached_property
 from typing import NamedTuple, Protocol, runtime_checkable
 
@@ -141,15 +142,13 @@ class MeanFunction:
 
     def with_theta(self, theta: Array) -> "MeanFunction":
         """The same features under another theta [4, 16]; shares the weights and the work arrays."""
-        other = object.__new__(MeanFunction)
-        other.__dict__.update(self.__dict__)
+        other = copy.copy(self)
         other._fold(theta)
         return other
 
     def with_network(self, network: Network) -> "MeanFunction":
         """The same with a network that differs in its lags alone."""
-        other = object.__new__(MeanFunction)
-        other.__dict__.update(self.__dict__)
+        other = copy.copy(self)
         other.network = network
         return other
 

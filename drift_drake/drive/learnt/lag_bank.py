@@ -44,17 +44,14 @@ class UnderLags(NamedTuple):
     evidence: float  # see `log_evidence`
 
 
-def under_lags(
-    model: BayesianModel, samples_of: Callable[[Array], Samples], steering: tuple[float, ...] = STEERING,
-    torque: tuple[float, ...] = TORQUE,
-) -> list[UnderLags]:  # fmt: skip
+def under_lags(model: BayesianModel, samples_of: Callable[[Array], Samples]) -> list[UnderLags]:
     """What drives teach a model under each pair of lags.
 
     Args:
         samples_of: the drives' samples, their lagged commands behind lags [2] [s].
     """
     found, prior = [], model.prior()
-    for pair in product(steering, torque):
+    for pair in product(STEERING, TORQUE):
         under = model.with_lag(np.array(pair))
         samples = samples_of(under.lag)
         phi, y = regression_points(under, samples.x, samples.u, samples.u_next, samples.x_next)

@@ -8,14 +8,14 @@ is taken as a scaled chi-square of the mean and variance found there (Satterthwa
 """
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem
 from scipy.special import chdtri  # chi-square's; scipy.stats takes half a second to import
 
 from drift_drake.common.arrays import Array
-from drift_drake.common.updates import declare_update
+from drift_drake.common.updates import declare_output, declare_update
 from drift_drake.drive.learnt.adapter import MEASURED_COUNT, PARAMETER_COUNT
 from drift_drake.drive.learnt.bayesian_step import regression_points
 from drift_drake.drive.learnt.checkpoint import BayesianModel
@@ -98,11 +98,9 @@ class OutOfDistributionDetector(LeafSystem):
         self._window = self.DeclareDiscreteState(np.full(window, np.nan))
         self._last = self.DeclareDiscreteState(np.full(12, np.nan))
         held = {self.discrete_state_ticket(self._window)}
-        self.DeclareVectorOutputPort("distance", 1, self._calc_distance, prerequisites_of_calc=held)
-        self.DeclareVectorOutputPort("statistic", 1, self._calc_statistic, prerequisites_of_calc=held)
-        self.DeclareVectorOutputPort(
-            "alarm", 1, self._calc_alarm, prerequisites_of_calc={*held, self.all_parameters_ticket()}
-        )
+        declare_output(self, "distance", 1, lambda context: self._distances(context)[-1:], held)
+        declare_output(self, "statistic", 1, lambda context: [self._statistic(context)], held)
+        declare_output(self, "alarm", 1, self._alarm, {*held, self.all_parameters_ticket()})
         declare_update(self, TIME_STEP, self._tick)
 
     def _tick(self, context: Context, discrete: DiscreteValues) -> None:
@@ -114,19 +112,16 @@ class OutOfDistributionDetector(LeafSystem):
             whole = covariance.reshape(MEAN_COUNT, MEAN_COUNT)
             belief = Posterior(mean.reshape(shape), whole, np.full(shape, np.nan))
             distance = squared_distance(self._model.with_lag(lag), belief, last[:8], last[8:10], u, x)
-            window = np.append(context.get_discrete_state(self._window).value()[1:], distance)
+            window = np.append(self._distances(context)[1:], distance)
             discrete.set_value(self._window, window)
         discrete.set_value(self._last, np.concatenate([x, u, lag]))
 
+    def _distances(self, context: Context) -> Array:
+        return context.get_discrete_state(self._window).value()
+
     def _statistic(self, context: Context) -> float:
-        return float(np.mean(context.get_discrete_state(self._window).value()))
+        return float(np.mean(self._distances(context)))
 
-    def _calc_distance(self, context: Context, output: Any) -> None:
-        output[0] = context.get_discrete_state(self._window).value()[-1]
-
-    def _calc_statistic(self, context: Context, output: Any) -> None:
-        output[0] = self._statistic(context)
-
-    def _calc_alarm(self, context: Context, output: Any) -> None:
+    def _alarm(self, context: Context) -> list[float]:
         threshold = context.get_numeric_parameter(self._threshold).value()[0]
-        output[0] = float(self._statistic(context) > threshold)
+        return [float(self._statistic(context) > threshold)]

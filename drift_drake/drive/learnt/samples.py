@@ -23,7 +23,6 @@ MIRROR_INPUT = np.array([-1.0, 1.0])  # (delta, tau) seen in a mirror
 MIRROR_STATE = np.concatenate([[-1.0, 1.0, -1.0, 1.0, -1.0, -1.0], MIRROR_INPUT])
 WIDTHS = {"x": MIRROR_STATE.shape, "x_next": MIRROR_STATE.shape, "u": MIRROR_INPUT.shape, "u_next": MIRROR_INPUT.shape}
 DECIMATION = 10  # rows of a log to a sample
-MIN_SAMPLES = 5  # a drive shorter than this teaches nothing
 
 
 class InvalidSamplesError(DriftDrakeError, ValueError):
@@ -172,17 +171,3 @@ def samples_from_log(
         curvature = np.array([middle[phase + DECIMATION * k :][:DECIMATION].mean() for k in range(count)])
     return Samples(states[:-1], commands[:-1], commands[1:], states[1:], curvature, np.full(count, vehicle),
                    np.full(count, drive))  # fmt: skip
-
-
-def all_phases(parts: list[list[Samples]]) -> Samples:
-    """One table of all ten ways to take every tenth row, the phases one after the other, each a drive of its own.
-
-    Args:
-        parts: [phase][drive].
-    """
-    numbered, drives = [], 0
-    for drives_of_phase in parts:
-        for samples in drives_of_phase:
-            numbered.append(samples._replace(drive=np.full(len(samples.x), drives)))
-            drives += 1
-    return concatenate(numbered)

@@ -11,7 +11,7 @@ from pydrake.systems.framework import Context, DiscreteValues, EventStatus, Leaf
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.car.single_track.motion import INPUTS
 from drift_drake.common.arrays import Array
-from drift_drake.common.updates import declare_update
+from drift_drake.common.updates import declare_output, declare_update
 from drift_drake.drive.mpc.plan import TIME_TOLERANCE, interpolate_plan, no_plan
 
 
@@ -82,6 +82,7 @@ class LinearInterpolationActuator(LeafSystem):
                 raise ValueError(f"initial_command: {name} is {value:g}; keep it within {low:g} to {high:g}")
         self._initial_command = (float(initial_command[0]), float(initial_command[1]))
 
+        self._length = dt * steps  # of a plan [s]
         self._nothing = nothing = no_plan(steps)
         self._port = self.DeclareVectorInputPort("plan", nothing.size)
         self._in_force = self.DeclareDiscreteState(nothing)  # the plan being followed
@@ -94,14 +95,12 @@ class LinearInterpolationActuator(LeafSystem):
         producer = ValueProducer(allocate=lambda: AbstractValue.Make(()), calc=self._copy_plans)
         self._plans = self.DeclareCacheEntry("plans", producer, plans)
         now = {self.time_ticket(), self._plans.ticket()}
-        self.DeclareVectorOutputPort("command", 2, self._calc_command, prerequisites_of_calc=now)
-        self.DeclareVectorOutputPort("command_rate", 2, self._calc_command_rate, prerequisites_of_calc=now)
-        self.DeclareVectorOutputPort("saturated", 2, self._calc_saturated, prerequisites_of_calc=now)
-        self.DeclareVectorOutputPort("status", 1, self._calc_status, prerequisites_of_calc=now)
-        self.DeclareVectorOutputPort("plan_age", 1, self._calc_plan_age, prerequisites_of_calc=now)
-        self.DeclareVectorOutputPort(
-            "refused", 1, self._calc_refused, prerequisites_of_calc={self.discrete_state_ticket(self._refused)}
-        )
+        declare_output(self, "command", 2, self._command, now)
+        declare_output(self, "command_rate", 2, self._command_rate, now)
+        declare_output(self, "saturated", 2, lambda context: [*map(float, self._outside(context))], now)
+        declare_output(self, "status", 1, lambda context: [float(self._status(context))], now)
+        declare_output(self, "plan_age", 1, lambda context: [self._age(context)], now)
+        self.DeclareStateOutputPort("refused", self._refused)
 
     def _take_plan(self, context: Context, discrete: DiscreteValues) -> EventStatus:
         t = context.get_time()
@@ -140,42 +139,27 @@ class LinearInterpolationActuator(LeafSystem):
             return (*self._initial_command, 0.0, 0.0)
         return interpolate_plan(plan, t, self.dt)
 
-    def _outside(self, command: tuple[float, ...]) -> list[bool]:
-        return [not low <= value <= high for value, (low, high) in zip(command[:2], self.limits, strict=True)]
+    def _outside(self, context: Context) -> list[bool]:
+        command = self._unsaturated(context)[:2]
+        return [not low <= value <= high for value, (low, high) in zip(command, self.limits, strict=True)]
 
-    def _calc_command(self, context: Context, output: Any) -> None:
-        delta, tau, _, _ = self._unsaturated(context)
-        (delta_min, delta_max), (tau_min, tau_max) = self.limits
-        output[0], output[1] = min(max(delta, delta_min), delta_max), min(max(tau, tau_min), tau_max)
+    def _command(self, context: Context) -> list[float]:
+        command = self._unsaturated(context)[:2]
+        return [min(max(value, low), high) for value, (low, high) in zip(command, self.limits, strict=True)]
 
-    def _calc_command_rate(self, context: Context, output: Any) -> None:
-        command = self._unsaturated(context)
-        for i, outside in enumerate(self._outside(command)):
-            output[i] = 0.0 if outside else command[2 + i]
+    def _command_rate(self, context: Context) -> list[float]:
+        rates = self._unsaturated(context)[2:]
+        return [0.0 if outside else rate for rate, outside in zip(rates, self._outside(context), strict=True)]
 
-    def _calc_saturated(self, context: Context, output: Any) -> None:
-        output.SetFromVector([float(outside) for outside in self._outside(self._unsaturated(context))])
+    def _status(self, context: Context) -> PlanStatus:
+        age = self._age(context)
+        if age == math.inf:
+            return PlanStatus.MISSING
+        if age > self._length + TIME_TOLERANCE:
+            return PlanStatus.ENDED
+        return PlanStatus.LATE if age > self.max_age + TIME_TOLERANCE else PlanStatus.FRESH
 
-    def _calc_status(self, context: Context, output: Any) -> None:
+    def _age(self, context: Context) -> float:
         t = context.get_time()
         plan = self._plan(context, t)
-        if plan is None:
-            status = PlanStatus.MISSING
-        else:
-            age = t - plan[0]
-            length = self.dt * ((len(plan) - 1) // 2 - 1)
-            if age > length + TIME_TOLERANCE:
-                status = PlanStatus.ENDED
-            elif age > self.max_age + TIME_TOLERANCE:
-                status = PlanStatus.LATE
-            else:
-                status = PlanStatus.FRESH
-        output[0] = float(status)
-
-    def _calc_plan_age(self, context: Context, output: Any) -> None:
-        t = context.get_time()
-        plan = self._plan(context, t)
-        output[0] = math.inf if plan is None else t - plan[0]
-
-    def _calc_refused(self, context: Context, output: Any) -> None:
-        output[0] = context.get_discrete_state(self._refused).value()[0]
+        return math.inf if plan is None else float(t - plan[0])

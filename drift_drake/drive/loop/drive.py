@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
-from pydrake.systems.framework import BasicVector, Context, DiagramBuilder, LeafSystem
+from pydrake.systems.framework import Context, DiagramBuilder, LeafSystem
 
 from drift_drake.car.effects.magnitudes import Effects
 from drift_drake.car.parameters import VehicleParameters
@@ -13,6 +13,7 @@ from drift_drake.car.sensors import LOG_ROW, MEASURED_STATE, NoiseLevels
 from drift_drake.car.single_track.motion import INPUTS
 from drift_drake.car.single_track.path_plant import PathPlant
 from drift_drake.common.arrays import Array
+from drift_drake.common.updates import declare_output
 from drift_drake.drive.loop.actuation import LinearInterpolationActuator
 from drift_drake.drive.loop.car import Car
 from drift_drake.drive.loop.runner import Logs, make_simulator
@@ -42,13 +43,11 @@ class Dither(LeafSystem):
         self._knots = knots
         self._low, self._high = parameters.command_limits()
         self._command = self.DeclareVectorInputPort("command", 2)
-        self.DeclareVectorOutputPort(
-            "dithered_command", 2, self._calc, {self.time_ticket(), self._command.ticket()}
-        )  # fmt: skip
+        declare_output(self, "dithered_command", 2, self._dithered, {self.time_ticket(), self._command.ticket()})
 
-    def _calc(self, context: Context, output: BasicVector) -> None:
+    def _dithered(self, context: Context) -> Array:
         command = self._command.Eval(context) + interpolate_knots(self._knots, context.get_time())
-        output.SetFromVector(np.minimum(np.maximum(command, self._low), self._high))
+        return np.minimum(np.maximum(command, self._low), self._high)
 
 
 class Drive:

@@ -1,7 +1,6 @@
 """Faults as systems: between sensors, controller, actuator and car, each on a schedule."""
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any
 
 import numpy as np
 from pydrake.systems.framework import Context, DiagramBuilder, DiscreteValues, LeafSystem, OutputPort
@@ -9,7 +8,7 @@ from pydrake.systems.framework import Context, DiagramBuilder, DiscreteValues, L
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.car.sensors import MEASURED_STATE, NoiseLevels
 from drift_drake.common.arrays import Array
-from drift_drake.common.updates import declare_update
+from drift_drake.common.updates import declare_output, declare_update
 from drift_drake.drive.loop.faults import ACTUATOR_KINDS, PLAN_KINDS, SENSOR_KINDS, SOLVER_KINDS, Fault
 
 USUAL = NoiseLevels()  # of a channel that holds its value
@@ -34,10 +33,7 @@ class SensorFaults(LeafSystem):
         self._past = self.DeclareDiscreteState(np.full(self._depth * size, np.nan))
         self._held = self.DeclareDiscreteState(np.full(size, np.nan))
         declare_update(self, period, self._update)
-        self.DeclareVectorOutputPort("faulted_state", size, self._calc)
-
-    def _calc(self, context: Context, output: Any) -> None:
-        output.SetFromVector(self._faulted(context))
+        declare_output(self, "faulted_state", size, self._faulted)
 
     def _faulted(self, context: Context) -> Array:
         t, x = context.get_time(), np.array(self._measured.Eval(context))
@@ -94,9 +90,9 @@ class PlanFaults(LeafSystem):
         self._port = self.DeclareVectorInputPort("plan", size)
         self._past = self.DeclareDiscreteState(np.full(self._depth * size, np.nan))
         declare_update(self, period, self._update)
-        self.DeclareVectorOutputPort("faulted_plan", size, self._calc)
+        declare_output(self, "faulted_plan", size, self._faulted)
 
-    def _calc(self, context: Context, output: Any) -> None:
+    def _faulted(self, context: Context) -> Array:
         t, plan = context.get_time(), np.array(self._port.Eval(context))
         for fault in self._faults:
             if not fault.active(t):
@@ -108,7 +104,7 @@ class PlanFaults(LeafSystem):
             else:
                 past = context.get_discrete_state(self._past).value().reshape(self._depth, -1)
                 plan = np.array(past[max(round(fault.size / self._period), 1) - 1])
-        output.SetFromVector(plan)
+        return plan
 
     def _update(self, context: Context, discrete: DiscreteValues) -> None:
         plan, past = self._port.Eval(context), context.get_discrete_state(self._past).value()
@@ -125,11 +121,11 @@ class SolverFaults(LeafSystem):
         LeafSystem.__init__(self)
         self._faults = [fault for fault in faults if fault.kind in SOLVER_KINDS]
         self._port = self.DeclareVectorInputPort("measured_state", len(MEASURED_STATE))
-        self.DeclareVectorOutputPort("faulted_state", len(MEASURED_STATE), self._calc)
+        declare_output(self, "faulted_state", len(MEASURED_STATE), self._faulted)
 
-    def _calc(self, context: Context, output: Any) -> None:
+    def _faulted(self, context: Context) -> Array:
         fails = any(fault.active(context.get_time()) for fault in self._faults)
-        output.SetFromVector(np.full(len(MEASURED_STATE), np.nan) if fails else self._port.Eval(context))
+        return np.full(len(MEASURED_STATE), np.nan) if fails else self._port.Eval(context)
 
 
 class ActuatorFaults(LeafSystem):
@@ -146,10 +142,7 @@ class ActuatorFaults(LeafSystem):
         self._port = self.DeclareVectorInputPort("command", 2)
         self._held = self.DeclareDiscreteState(np.full(2, np.nan))
         declare_update(self, period, self._update)
-        self.DeclareVectorOutputPort("faulted_command", 2, self._calc)
-
-    def _calc(self, context: Context, output: Any) -> None:
-        output.SetFromVector(self._passed_on(context))
+        declare_output(self, "faulted_command", 2, self._passed_on)
 
     def _passed_on(self, context: Context) -> Array:
         active = [fault for fault in self._faults if fault.active(context.get_time())]

@@ -12,7 +12,7 @@ from drift_drake.car.single_track.motion import INPUTS
 from drift_drake.car.step_model import StepModel
 from drift_drake.common.arrays import Array
 from drift_drake.common.errors import DriftDrakeError
-from drift_drake.common.updates import declare_update
+from drift_drake.common.updates import declare_output, declare_update
 from drift_drake.drive.learnt.features import COVARIANCE_COUNT, MEAN_COUNT
 from drift_drake.drive.mpc.mpc import AlternativePlan, Mpc, MpcSolution, NoPlanError, SolveStatistics
 from drift_drake.drive.mpc.plan import DT, Plan, no_plan
@@ -71,12 +71,10 @@ class MpcController(LeafSystem):
 
         for name, index in (("plan", self._plan), ("statistics", self._statistics)):
             self.DeclareStateOutputPort(name, index)
-        self.DeclareVectorOutputPort(
-            "prediction",
-            (6 + internal_size) * (horizon + 1),
-            self._calc_prediction,
-            prerequisites_of_calc={self.discrete_state_ticket(self._primal)},
-        )
+        declare_output(
+            self, "prediction", (6 + internal_size) * (horizon + 1), self._prediction,
+            {self.discrete_state_ticket(self._primal)},
+        )  # fmt: skip
 
     def warm_up(self) -> None:
         """Plans once along the reference and forgets it: what is compiled first is not the first plan's time."""
@@ -87,9 +85,8 @@ class MpcController(LeafSystem):
     def _no_alternative(self) -> Array:
         return np.full(self.mpc.problem.size + self.mpc.multiplier_count + 1, np.nan)
 
-    def _calc_prediction(self, context: Context, output: Any) -> None:
-        x, _, _ = self.mpc.problem.unstack(context.get_discrete_state(self._primal).value())
-        output.SetFromVector(x.ravel())
+    def _prediction(self, context: Context) -> Array:
+        return self.mpc.problem.unstack(context.get_discrete_state(self._primal).value()).x.ravel()
 
     def _replan(self, context: Context, discrete: DiscreteValues) -> None:
         before = SolveStatistics(*context.get_discrete_state(self._statistics).value())

@@ -79,7 +79,7 @@ def interpolate_plan(plan: Array, t: float, dt: float) -> tuple[float, float, fl
 
 
 def interpolate_knots(knots: Array, t: float) -> Array:
-    """Value [2] at time t [s] of knots [K, 2] that lie 0.1 s apart; the last is held on."""
+    """Value [...] at time t [s] of knots [K, ...] that lie 0.1 s apart; the ends are held."""
     position = min(max(t / DT, 0.0), len(knots) - 1.0)
     k = min(int(position), len(knots) - 2)
     return np.asarray(knots[k] + (position - k) * (knots[k + 1] - knots[k]))

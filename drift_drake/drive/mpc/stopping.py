@@ -6,8 +6,6 @@ gives it, about what the rear tyre does by the nominal model (computed force), a
 torque that keeps a pace.
 """
 
-from typing import Any
-
 import numpy as np
 from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
 
@@ -15,7 +13,7 @@ from drift_drake.car.parameters import VehicleParameters
 from drift_drake.car.single_track.motion import MIN_SPEED, rear_slip, static_loads
 from drift_drake.car.tyre import tyre_force
 from drift_drake.common.arrays import Array
-from drift_drake.common.updates import declare_update
+from drift_drake.common.updates import declare_output, declare_update
 from drift_drake.drive.mpc.plan import Plan, plan_size
 from drift_drake.drive.reference.path import Path
 
@@ -99,21 +97,20 @@ class SafeStop(LeafSystem):
         self._state = self.DeclareVectorInputPort("state", 7)
         self._stopping = self.DeclareDiscreteState(1)
         declare_update(self, period, self._update)
-        self.DeclareVectorOutputPort("supervised_plan", plan_size(steps), self._calc)
+        declare_output(self, "supervised_plan", plan_size(steps), self._supervised)
         self.DeclareStateOutputPort("stopping", self._stopping)
 
     def stopping(self, context: Context) -> bool:
         """Whether the car is being stopped, from a Context of this system."""
         return bool(context.get_discrete_state(self._stopping).value()[0])
 
-    def _calc(self, context: Context, output: Any) -> None:
+    def _supervised(self, context: Context) -> Array:
         if not self.stopping(context):
-            output.SetFromVector(self._plan.Eval(context))
-            return
+            return self._plan.Eval(context)
         x = self._state.Eval(context)
         wanted = stopping_command(x[:6], self._path.curvature(float(x[6])), self._parameters)
-        plan = stopping_plan(context.get_time(), self._command.Eval(context), wanted, self._steps, self._period)
-        output.SetFromVector(plan.vector())
+        last = self._command.Eval(context)
+        return stopping_plan(context.get_time(), last, wanted, self._steps, self._period).vector()
 
     def _update(self, context: Context, discrete: DiscreteValues) -> None:
         age = np.minimum(self._age.Eval(context)[0], context.get_time())  # without any plan yet, since the start

@@ -7,7 +7,7 @@ from pydrake.systems.framework import Context, Diagram, DiagramBuilder, Discrete
 
 from drift_drake.car.single_track.motion import INPUTS, STATES
 from drift_drake.common.selector import select_signals
-from drift_drake.common.updates import declare_update
+from drift_drake.common.updates import declare_output, declare_update
 from drift_drake.drive.mpc.controller import Controller, ControllerSystem, InvalidControllerError
 from drift_drake.drive.mpc.mpc import SolveStatistics
 from drift_drake.drive.mpc.plan import Plan, no_plan
@@ -26,14 +26,11 @@ class HeldReading(LeafSystem):
         self._port = self.DeclareVectorInputPort("measured_state", MEASURED)
         self._held = self.DeclareDiscreteState(MEASURED)
         declare_update(self, period, self._update)
-        self.DeclareVectorOutputPort("held_state", MEASURED, self._calc)
+        declare_output(self, "held_state", MEASURED, self._reading)
 
     def _reading(self, context: Context) -> Any:
         x = self._port.Eval(context)
         return x if np.isfinite(x).all() else context.get_discrete_state(self._held).value()
-
-    def _calc(self, context: Context, output: Any) -> None:
-        output.SetFromVector(self._reading(context))
 
     def _update(self, context: Context, discrete: DiscreteValues) -> None:
         discrete.set_value(self._held, self._reading(context))

@@ -1,6 +1,6 @@
 """A low-level controller that executes a planned trajectory: feedforward of the plan plus feedback of the state."""
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from pydrake.common.value import AbstractValue
@@ -8,7 +8,8 @@ from pydrake.systems.framework import AbstractParameterIndex, Context, LeafSyste
 
 from drift_drake.car.step_model import StepModel
 from drift_drake.common.arrays import Array
-from drift_drake.drive.mpc.plan import Plan, plan_size
+from drift_drake.common.updates import declare_output
+from drift_drake.drive.mpc.plan import DT, Plan, interpolate_knots, plan_size
 
 STATE_WEIGHT = np.array([2.0, 0.2, 8.0, 0.02, 0.5, 4.0])  # of (r, v, beta, omega_r, e, dphi)
 INPUT_WEIGHT = np.array([40.0, 1e-4])  # of (delta, tau)
@@ -51,48 +52,33 @@ class Tracked(NamedTuple):
 
 
 class TrackingController(LeafSystem):
-    """Follows a trajectory from its start on; beyond its end the last point is held.
+    """Follows a trajectory of steps of 0.1 s from its start on; beyond its end the last point is held.
 
     Input port: measured_state [7] (r, v, beta, omega_r, e, dphi, s).
     Output port: plan [5], of one step as `LinearInterpolationActuator` takes it: the trajectory's commands now and
-    `dt` later, both corrected by the feedback of now.
+    a step later, both corrected by the feedback of now.
     Parameter in the Context: the trajectory; see `follow`.
 
     Args:
-        x: states [N+1, 6]; u: inputs [N+1, 2]; dt: their spacing [s]; gains: [N, 2, 6], see `tracking_gains`.
+        x: states [N+1, 6]; u: inputs [N+1, 2]; gains: [N, 2, 6], see `tracking_gains`.
     """
 
-    def __init__(self, x: Array, u: Array, gains: Array, dt: float = 0.1) -> None:
+    def __init__(self, x: Array, u: Array, gains: Array) -> None:
         LeafSystem.__init__(self)
-        self._dt = dt
         tracked = Tracked(np.array(x), np.array(u), np.array(gains))
         self._tracked = AbstractParameterIndex(self.DeclareAbstractParameter(AbstractValue.Make(tracked)))
         self._measured = self.DeclareVectorInputPort("measured_state", 7)
-        self.DeclareVectorOutputPort(
-            "plan",
-            plan_size(1),
-            self._calc_plan,
-            prerequisites_of_calc={
-                self.time_ticket(),
-                self.input_port_ticket(self._measured.get_index()),
-                self.abstract_parameter_ticket(self._tracked),
-            },
-        )
+        given = {self.time_ticket(), self._measured.ticket(), self.abstract_parameter_ticket(self._tracked)}
+        declare_output(self, "plan", plan_size(1), self._plan, given)
 
     def follow(self, context: Context, tracked: Tracked) -> None:
         """Puts another trajectory into a Context of this system, to be followed from now on."""
         context.get_mutable_abstract_parameter(self._tracked).set_value(tracked)
 
-    def _at(self, values: Array, t: float) -> Array:
-        """Linear interpolation at time t [s] after the trajectory's start, the ends held."""
-        position = min(max(t / self._dt, 0.0), len(values) - 1.0)
-        k = min(int(position), len(values) - 2)
-        return values[k] + (position - k) * (values[k + 1] - values[k])
-
-    def _calc_plan(self, context: Context, output: Any) -> None:
+    def _plan(self, context: Context) -> Array:
         x, u, gains, start = context.get_abstract_parameter(self._tracked).get_value()
         t = context.get_time() - start
-        error = self._measured.Eval(context)[:6] - self._at(x, t)
-        correction = self._at(gains, t) @ error
-        commands = [self._at(u, t) + correction, self._at(u, t + self._dt) + correction]
-        output.SetFromVector(Plan(context.get_time(), np.array(commands), self._dt).vector())
+        error = self._measured.Eval(context)[:6] - interpolate_knots(x, t)
+        correction = interpolate_knots(gains, t) @ error
+        commands = [interpolate_knots(u, t) + correction, interpolate_knots(u, t + DT) + correction]
+        return Plan(context.get_time(), np.array(commands)).vector()

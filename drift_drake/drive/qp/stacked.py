@@ -162,11 +162,6 @@ class StackedCost:
         by_stage = self.expansion(z).gradient() * self._layout.block_scale
         return np.bincount(self._layout.block_columns.ravel(), by_stage.ravel(), z.size).astype(float)
 
-    def curvature_blocks(self, z: Array) -> Array:
-        """Second derivatives within each stage [N, n+4, n+4]."""
-        scale = self._layout.block_scale
-        return self.expansion(z).curvature() * scale[:, None] * scale
-
     def expansion(self, z: Array) -> CostExpansion:
         """The cost to second order, kept for the next call: an iterate's curvature is asked for after its gradient."""
         if self._last is None or not np.array_equal(self._last[0], z):

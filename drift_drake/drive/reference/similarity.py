@@ -58,11 +58,6 @@ def similarity(p: VehicleParameters) -> Similarity:
     return Similarity(length, math.sqrt(length * usual.gravity / p.gravity), p.mass / usual.mass)
 
 
-def time_step(p: VehicleParameters, period: float, usual: float = STEP) -> float:
-    """Step [s] of a horizon for a car of any size: `usual` for the default one, a multiple of the control period."""
-    return max(round(usual * similarity(p).time / period), 1) * period
-
-
-def copy_of(p: VehicleParameters, size: float) -> VehicleParameters:
-    """The exact dynamic copy of a car, `size` times as large, of the same materials: masses go with the volume."""
-    return Similarity(1.0 / size, math.sqrt(1.0 / size), size**-3).usual(p)
+def time_step(p: VehicleParameters, period: float) -> float:
+    """Step [s] of a horizon for a car of any size: `STEP` for the default one, a multiple of the control period."""
+    return max(round(STEP * similarity(p).time / period), 1) * period

@@ -2,7 +2,7 @@
 
 import enum
 import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
@@ -13,7 +13,7 @@ from drift_drake.car.parameters import VehicleParameters
 from drift_drake.car.sensors import MEASURED_STATE, NoiseLevels
 from drift_drake.car.step_model import NominalStepModel
 from drift_drake.common.arrays import Array
-from drift_drake.common.updates import declare_update
+from drift_drake.common.updates import declare_output, declare_update
 from drift_drake.drive.reference.path import Path
 from drift_drake.drive.screening.fusion import Fused, Mask, corrected, learnt, predicted, within_gate
 from drift_drake.drive.screening.holding import BETA, DOUBTED, Holding
@@ -198,14 +198,14 @@ class Screen(LeafSystem):
         self._before = self.DeclareDiscreteState(np.concatenate([[-np.inf], nothing, np.full(2, np.nan)]))
         self._counts = self.DeclareDiscreteState(np.zeros(len(ReadingKind)))
         declare_update(self, period, self._update)
-        self._made: tuple[bytes, Array] = b"", nothing  # scratch: see `_calc_judged`
-        self._judged = self.DeclareVectorOutputPort("judged", nothing.size, self._calc_judged)
+        self._made: tuple[bytes, Array] = b"", nothing  # scratch: see `_judgement`
+        self._judged = declare_output(self, "judged", nothing.size, self._judgement)
         for name, length, calc in (
             ("screened_state", size, self._screened),
             ("reading", 1, lambda context: [float(self._verdict(context).kind)]),
             ("estimate", size, lambda context: self._verdict(context).estimate),
         ):
-            self.DeclareVectorOutputPort(name, length, _setting(calc))
+            declare_output(self, name, length, calc)
         self.DeclareStateOutputPort("counts", self._counts)
 
     def _verdict(self, context: Context) -> JudgedReading:
@@ -220,14 +220,14 @@ class Screen(LeafSystem):
         same = np.array_equal(last[1:], self._measured.Eval(context))
         return float(last[0]) + 1.0 if same else 0.0
 
-    def _calc_judged(self, context: Context, output: Any) -> None:
+    def _judgement(self, context: Context) -> Array:
         """Kept for the next call: at each tick the log asks before the sensors' update and the controller after it."""
         held = (context.get_discrete_state(index).value() for index in (self._good, self._last, self._before))
         known = [[context.get_time()], self._measured.Eval(context), self._in_force(context), *held]
         key = np.concatenate(known).tobytes()
         if key != self._made[0]:
             self._made = key, self._judge(context).vector()
-        output.SetFromVector(self._made[1])
+        return self._made[1]
 
     def _judge(self, context: Context) -> JudgedReading:
         x, t = np.array(self._measured.Eval(context)), context.get_time()
@@ -303,8 +303,3 @@ class Screen(LeafSystem):
         discrete.set_value(self._before, np.concatenate([[t], verdict.vector(), self._in_force(context)]))
         if verdict.kind == ReadingKind.GOOD:
             discrete.set_value(self._good, np.concatenate([[t], x]))
-
-
-def _setting(calc: Any) -> Any:
-    """A port's calculation from one that returns the value."""
-    return lambda context, output: output.SetFromVector(calc(context))

@@ -18,8 +18,9 @@ from typing import Any, Literal, NamedTuple
 
 from scipy.special import stdtrit
 
+from drift_drake.car.car_file import PlantParameters, plant_of
 from drift_drake.car.effects.record import wheelbase
-from drift_drake.car.given_vehicle import PlantParameters, Vehicle, plant_of, vehicle_given
+from drift_drake.car.given_vehicle import Vehicle, vehicle_given
 from drift_drake.car.log.given import Logs, logs_given
 from drift_drake.car.log.table import Run
 from drift_drake.car.parameters import VehicleParameters

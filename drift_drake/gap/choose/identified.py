@@ -12,18 +12,20 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
+from drift_drake.car.car_file import PlantParameters
 from drift_drake.car.double_track.nearest import nearest_double_track
 from drift_drake.car.double_track.parameters import DoubleTrackParameters
 from drift_drake.car.double_track.step_model import DoubleTrackStepModel
 from drift_drake.car.effects.catalogue import CATALOGUE, LIMITS, fitted
 from drift_drake.car.effects.magnitudes import Effects
 from drift_drake.car.equations import folded_into
-from drift_drake.car.given_vehicle import PlantParameters, single_track_of
+from drift_drake.car.given_vehicle import single_track_of
+from drift_drake.car.internal_states import BEYOND, LAGGED
 from drift_drake.car.known_car import known_car_model
 from drift_drake.car.log.table import COLUMNS, InvalidLogError, Run
 from drift_drake.car.parameters import CarParameters, InvalidVehicleError, VehicleParameters
 from drift_drake.car.sensor_errors import SENSORS
-from drift_drake.car.single_track.effects_step import BEYOND, LAGGED, EffectsStepModel
+from drift_drake.car.single_track.effects_step import EffectsStepModel
 from drift_drake.common.arrays import Array
 from drift_drake.common.errors import unit_suffix
 from drift_drake.gap.estimation.robust_fit import robust_fit

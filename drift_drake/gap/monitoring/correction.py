@@ -14,10 +14,10 @@ import numpy as np
 from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
 
 from drift_drake.car.effects.magnitudes import COUNT, Effects
+from drift_drake.car.internal_states import BEYOND, on_the_motion
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.car.sensor_errors import SENSORS, corrected_reading
 from drift_drake.car.sensors import MEASURED_STATE
-from drift_drake.car.single_track.effects_step import BEYOND, on_the_motion
 from drift_drake.common.updates import declare_update
 from drift_drake.drive.mpc.plan import plan_size
 from drift_drake.drive.mpc.stopping import stopping_command, stopping_plan

@@ -18,8 +18,9 @@ import pandas as pd
 from drift_drake.car.effects.catalogue import HEADED
 from drift_drake.car.effects.delays import command_delays, sensor_delay
 from drift_drake.car.effects.magnitudes import Effects, magnitudes_of
+from drift_drake.car.internal_states import BEYOND
 from drift_drake.car.parameters import VehicleParameters
-from drift_drake.car.single_track.effects_step import BEYOND, EffectsStepModel
+from drift_drake.car.single_track.effects_step import EffectsStepModel
 from drift_drake.car.single_track.motion_with_effects import settled_internal_states
 from drift_drake.common.safe_files import write_table
 from drift_drake.drive.gathering.config import FEASIBLE, LaneDrive, bound_slip, problem_data

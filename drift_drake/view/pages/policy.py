@@ -11,17 +11,16 @@ CHARSET = re.compile(r"<meta[^>]*\bcharset\b[^>]*>", re.IGNORECASE)
 HEAD = re.compile(r"<head[^>]*>", re.IGNORECASE)
 
 
-def with_policy(html: str, framed: Iterable[str] = (), evaluates: bool = False) -> str:
+def with_policy(html: str, framed: Iterable[str] = ()) -> str:
     """The page with a policy that names its own scripts by their hashes.
 
     Styles stand within the page, and pictures and data in its own addresses (`data:`, `blob:`).
 
     Args:
         framed: pages that this one shows in frames of its own making, which obey its policy too.
-        evaluates: a script makes functions of texts.
     """
     scripts = sorted({f"'{digest(text)}'" for page in (html, *framed) for text in _scripts(page)})
-    sources = " ".join([*scripts, *(["'unsafe-eval'"] if evaluates else [])]) or "'none'"
+    sources = " ".join(scripts) or "'none'"
     policy = (
         f"default-src 'none'; script-src {sources}; style-src 'unsafe-inline'; img-src data: blob:; font-src data:; "
         "connect-src data: blob:; media-src data: blob:; worker-src blob:; frame-src blob:; base-uri 'none'; "

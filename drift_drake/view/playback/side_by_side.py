@@ -25,6 +25,7 @@ from drift_drake.car.single_track.motion import INPUTS
 from drift_drake.car.single_track.path_plant import POSE_AT
 from drift_drake.common.arrays import Array
 from drift_drake.common.selector import select_signals
+from drift_drake.common.updates import declare_output
 from drift_drake.drive.loop.car import Car
 from drift_drake.drive.loop.runner import add_logger, make_simulator
 from drift_drake.view.playback.rolled_out import rolled_out
@@ -50,13 +51,8 @@ class Keeper(LeafSystem):
 
     def __init__(self, size: int, law: Callable[[Array, float], Sequence[float]]) -> None:
         LeafSystem.__init__(self)
-        self._law = law
-        self._state = self.DeclareVectorInputPort("state", 6)
-        self._wanted = self.DeclareVectorInputPort("wanted", 1)
-        self.DeclareVectorOutputPort("kept", size, self._calc)
-
-    def _calc(self, context: Context, output: Any) -> None:
-        output.SetFromVector(self._law(self._state.Eval(context), self._wanted.Eval(context)[0]))
+        state, wanted = self.DeclareVectorInputPort("state", 6), self.DeclareVectorInputPort("wanted", 1)
+        declare_output(self, "kept", size, lambda context: law(state.Eval(context), wanted.Eval(context)[0]))
 
 
 def rim_speed_follower(p: VehicleParameters) -> Keeper:

@@ -21,10 +21,10 @@ from drift_drake.car.double_track.motion import (
     wheel_loads,
 )
 from drift_drake.car.double_track.parameters import CARS, DoubleTrackParameters, changed_constants
-from drift_drake.car.double_track.plant import LOG_STATES, PERIOD, advance, start
 from drift_drake.car.effects.catalogue import CATALOGUE, OFF_THE_MOTION
 from drift_drake.car.effects.magnitudes import Effects
 from drift_drake.car.single_track.motion import motion
+from experiments.benchmarks.rows import LOG_STATES, PERIOD, advance, start
 
 CAR = DoubleTrackParameters()
 NONE = Effects()

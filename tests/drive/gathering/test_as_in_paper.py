@@ -8,12 +8,13 @@ from learnt_models import trainable_count
 
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.common.errors import InvalidOptionError
-from drift_drake.drive.gathering.config import PAPER_ALPHA, GatheringConfig, Recipe, as_in_paper
+from drift_drake.drive.gathering.config import GatheringConfig
 from drift_drake.drive.gathering.gather import gather, learn_drive
 from drift_drake.drive.gathering.plan import InfeasiblePlanError, Trajectory, plan_drive, round_alpha
 from drift_drake.drive.learnt.checkpoint import BayesianModel, load_model, paper_checkpoint
 from drift_drake.drive.learnt.quality import step_model
-from drift_drake.drive.manoeuvres.vehicles import draw_effects
+from experiments.benchmarks.vehicles import draw_effects
+from experiments.gathering.recipe import PAPER_ALPHA, Recipe, as_in_paper
 
 CONFIG = as_in_paper(GatheringConfig(steps=12, v_end=11.0, starts=2, max_iterations=60))
 EFFECTS = draw_effects("validation", 0, 0)

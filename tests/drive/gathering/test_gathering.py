@@ -14,7 +14,7 @@ from drift_drake.car.parameters import VehicleParameters
 from drift_drake.car.single_track.motion import STATES
 from drift_drake.common.errors import InvalidOptionError
 from drift_drake.drive.gathering import plan as planning
-from drift_drake.drive.gathering.config import ENDS, GatheringConfig, Objective, lane_for_pictures, problem_data
+from drift_drake.drive.gathering.config import ENDS, GatheringConfig, Objective, problem_data
 from drift_drake.drive.gathering.gather import gather, learn_drive
 from drift_drake.drive.gathering.plan import (
     InfeasiblePlanError,
@@ -32,8 +32,9 @@ from drift_drake.drive.learnt.command_lag import LAGGED, lagged_commands
 from drift_drake.drive.learnt.posterior import covariance_norms
 from drift_drake.drive.learnt.quality import learn, step_model
 from drift_drake.drive.learnt.samples import samples_from_log
-from drift_drake.drive.manoeuvres.vehicles import draw_effects
 from drift_drake.drive.mpc.sqp import LineSearchSqp, SqpOptions, SqpResult
+from experiments.benchmarks.vehicles import draw_effects
+from experiments.gathering.recipe import lane_for_pictures
 
 CONFIG = GatheringConfig(steps=12, v_end=11.0, starts=3, max_iterations=60)
 PARAMETERS = VehicleParameters()

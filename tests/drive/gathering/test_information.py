@@ -130,7 +130,8 @@ def test_each_qp_is_convex(model: BayesianModel) -> None:
     assert problem.extra_cost is not None
     for guess in guesses:
         z = guess + 0.02 * np.random.default_rng(1).normal(size=guess.size)
-        raw = problem.stage_hessian() + problem.extra_cost.curvature_blocks(z)
+        scale = problem.layout.block_scale
+        raw = problem.stage_hessian() + problem.extra_cost.expansion(z).curvature() * scale[:, None] * scale
         assert np.linalg.eigvalsh(raw).min() < -1e-3
         blocks = solver._lagrangian_blocks(z, np.zeros(solver.multiplier_count))
         assert np.linalg.eigvalsh(blocks).min() > -1e-9

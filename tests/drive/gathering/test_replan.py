@@ -19,7 +19,7 @@ from drift_drake.drive.learnt.checkpoint import BayesianModel
 from drift_drake.drive.learnt.posterior import Posterior
 from drift_drake.drive.learnt.quality import learn, step_model
 from drift_drake.drive.learnt.samples import Samples, samples_from_log
-from drift_drake.drive.manoeuvres.vehicles import draw_effects
+from experiments.benchmarks.vehicles import draw_effects
 
 CONFIG = GatheringConfig(steps=14, v_end=11.0, starts=1, max_iterations=60, replan=0.4)
 PARAMETERS = VehicleParameters()

@@ -9,18 +9,24 @@ from pydrake.systems.framework import Context, Diagram, DiagramBuilder
 from pydrake.systems.primitives import TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial
 
-from drift_drake.drive.learnt.adapter import BayesianAdapter, adapt, adapt_bank
+from drift_drake.drive.learnt.adapter import Adapted, BayesianAdapter, adapt_bank
 from drift_drake.drive.learnt.bayesian_step import residual
 from drift_drake.drive.learnt.checkpoint import BayesianModel
 from drift_drake.drive.learnt.command_lag import LAGGED
 from drift_drake.drive.learnt.features import Network, features, network_inputs
-from drift_drake.drive.learnt.posterior import mahalanobis, predict, update
+from drift_drake.drive.learnt.posterior import Posterior, mahalanobis, predict, update
 
 TICKS = 30
 TIMES = 0.1 * np.arange(TICKS + 1)
 NOTHING_REFUSED = 1e9
 OFFSET_TIME = 1.5
 PORTS = (("measured_state", slice(0, 7)), ("command", slice(7, 9)), ("lagged_command", slice(9, 11)))
+
+
+def adapted_alone(model: BayesianModel, posterior: Posterior, x: np.ndarray, *later: np.ndarray) -> Adapted | None:
+    """`adapt_bank` of one model that refuses nothing; later: u, u_next, x_next."""
+    found = adapt_bank((model,), (posterior,), x[:6], x[None, LAGGED], *later, threshold=NOTHING_REFUSED)
+    return None if found is None else found[0]
 
 
 @pytest.fixture(scope="module")
@@ -190,7 +196,7 @@ def test_a_car_that_became_another_one_is_learnt_anew(learner: BayesianModel, re
     for k in (2, 3):  # the samples that end when it is first not trusted, and after
         now, then = record.value(TIMES[k])[:, 0], record.value(TIMES[k + 1])[:, 0]
         x, x_next = (np.concatenate([row[:6], row[9:11]]) for row in (now, then))
-        found = adapt(learner, posterior, x, now[7:9], then[7:9], x_next, NOTHING_REFUSED)
+        found = adapted_alone(learner, posterior, x, now[7:9], then[7:9], x_next)
         assert found is not None
         posterior = found.posterior
     np.testing.assert_allclose(adapter.posterior(context).mean, posterior.mean, rtol=1e-7, atol=1e-10)
@@ -218,7 +224,7 @@ def test_a_bank_believes_the_lags_that_the_samples_are_likeliest_under(
         then = record.value(TIMES[k - 1])[:, 0]
         for i, lag in enumerate(lags):
             x = np.append(then[:6], lagged[k - 1][i])
-            found = adapt(learner.with_lag(lag), beliefs[i], x, then[7:9], now[7:9], now[:6], NOTHING_REFUSED)
+            found = adapted_alone(learner.with_lag(lag), beliefs[i], x, then[7:9], now[7:9], now[:6])
             assert found is not None
             beliefs[i], evidence[i] = found.posterior, evidence[i] + found.density
     best = int(np.argmax(evidence))
@@ -249,6 +255,6 @@ def test_a_bank_refuses_what_none_of_its_models_expects(learner: BayesianModel) 
     found = adapt_bank(models, [prior, prior], x, lagged, u, u, rows[1][:6], 8.0)
     assert found is not None
     for learnt, model, own in zip(found, models, lagged, strict=True):
-        alone = adapt(model, prior, np.append(x, own), u, u, rows[1][:6], NOTHING_REFUSED)
+        alone = adapted_alone(model, prior, np.append(x, own), u, u, rows[1][:6])
         assert alone is not None
         np.testing.assert_array_equal(learnt.posterior.mean, alone.posterior.mean)

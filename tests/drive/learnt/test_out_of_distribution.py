@@ -11,9 +11,10 @@ from pydrake.systems.primitives import TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial
 from scipy.stats import chi2
 
-from drift_drake.drive.learnt.adapter import BayesianAdapter, adapt
+from drift_drake.drive.learnt.adapter import DEFAULT_THRESHOLD, BayesianAdapter, adapt_bank
 from drift_drake.drive.learnt.bayesian_step import residual
 from drift_drake.drive.learnt.checkpoint import BayesianModel
+from drift_drake.drive.learnt.command_lag import LAGGED
 from drift_drake.drive.learnt.features import Network, features, network_inputs
 from drift_drake.drive.learnt.out_of_distribution import (
     NullDistribution,
@@ -87,8 +88,8 @@ def test_the_system_agrees_with_the_functions(random_model: BayesianModel, physi
         x, x_next = rows[k, STATES], rows[k + 1, STATES]
         u, u_next = rows[k, 7:9], rows[k + 1, 7:9]
         distances.append(squared_distance(learner, belief, x, u, u_next, x_next))
-        found = adapt(learner, belief, x, u, u_next, x_next)
-        belief = belief if found is None else found.posterior
+        found = adapt_bank((learner,), (belief,), x, x[None, LAGGED], u, u_next, x_next, DEFAULT_THRESHOLD)
+        belief = belief if found is None else found[0].posterior
         simulator.AdvanceTo(times[k + 1] + 0.05 if k + 1 < TICKS else times[-1])
         simulator.AdvancePendingEvents()
         assert detector.GetOutputPort("distance").Eval(mine)[0] == pytest.approx(distances[-1], rel=1e-6)

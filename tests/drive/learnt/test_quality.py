@@ -12,21 +12,23 @@ from drift_drake.drive.learnt.command_lag import lagged_commands
 from drift_drake.drive.learnt.features import features, network_inputs
 from drift_drake.drive.learnt.posterior import state_blocks, update
 from drift_drake.drive.learnt.quality import (
-    GAUSSIAN_COVERAGE,
     adapted,
     choose_sample_weight,
-    deviation_coverage,
-    judge_stepper,
     learn,
     mean_nll,
-    quality_by_points,
-    rollout_errors,
-    rollout_summary,
     split_vehicle,
     standardized_errors,
     step_model,
 )
 from drift_drake.drive.learnt.samples import Samples, concatenate
+from experiments.model.judging import (
+    GAUSSIAN_COVERAGE,
+    deviation_coverage,
+    judge_stepper,
+    quality_by_points,
+    rollout_errors,
+    rollout_summary,
+)
 
 
 class Drifting:

@@ -9,18 +9,14 @@ from drift_drake.car.step_model import NominalStepModel
 from drift_drake.drive.learnt.checkpoint import BayesianModel, load_model
 from drift_drake.drive.learnt.features import features, network_inputs
 from drift_drake.drive.learnt.posterior import covariance_norms
-from drift_drake.drive.learnt.quality import (
-    adapted,
-    deviation_coverage,
-    rollout_errors,
-    standardized_errors,
-    step_model,
-)
+from drift_drake.drive.learnt.quality import adapted, standardized_errors, step_model
 from drift_drake.drive.learnt.samples import MIRROR_STATE, Samples, concatenate, mirrored, samples_from_log
 from drift_drake.drive.loop.drive import Drive
-from drift_drake.drive.manoeuvres.drivers import ROW_PERIOD, HoldDriver, dither, wander
-from drift_drake.drive.manoeuvres.vehicles import draw_effects
+from drift_drake.drive.manoeuvres.drivers import ROW_PERIOD
 from drift_drake.drive.reference.equilibrium import drift_equilibrium
+from experiments.benchmarks.drifters import HoldDriver, dither, wander
+from experiments.benchmarks.vehicles import draw_effects
+from experiments.model.judging import deviation_coverage, rollout_errors
 
 
 @pytest.fixture(scope="module")

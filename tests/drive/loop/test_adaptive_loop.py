@@ -20,9 +20,9 @@ from drift_drake.drive.learnt.quality import step_model
 from drift_drake.drive.loop.closed_loop import ClosedLoop, ControlConfig
 from drift_drake.drive.loop.endings import RunLimits
 from drift_drake.drive.loop.faults import Change
-from drift_drake.drive.manoeuvres.vehicles import draw_effects
 from drift_drake.drive.mpc.mpc import FOLLOWED
 from drift_drake.drive.reference.trajectory import figure_8
+from experiments.benchmarks.vehicles import draw_effects
 
 CONTROL = ControlConfig(horizon=15, period=0.02, delay=0.02)
 

@@ -11,9 +11,10 @@ from drift_drake.car.log.table import COLUMNS, read_case
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.drive.learnt.samples import DECIMATION, load_samples, samples_from_log
 from drift_drake.drive.loop.drive import Drive, DriveLimits
-from drift_drake.drive.manoeuvres.drivers import ROW_PERIOD, HoldDriver, dither
-from drift_drake.drive.manoeuvres.vehicles import draw_effects
+from drift_drake.drive.manoeuvres.drivers import ROW_PERIOD
 from drift_drake.drive.reference.equilibrium import drift_equilibrium
+from experiments.benchmarks.drifters import HoldDriver, dither
+from experiments.benchmarks.vehicles import draw_effects
 from experiments.model import drives
 
 CAR = VehicleParameters()

@@ -135,14 +135,14 @@ def test_an_error_of_the_solver_is_a_failure(
 def test_a_simulation_that_fails_is_a_named_outcome(
     short: Reference, monkeypatch: pytest.MonkeyPatch, error: BaseException
 ) -> None:
-    calc = LinearInterpolationActuator._calc_command
+    command = LinearInterpolationActuator._command
 
-    def failing(self: LinearInterpolationActuator, context: Context, output: object) -> None:
+    def failing(self: LinearInterpolationActuator, context: Context) -> list[float]:
         if context.get_time() > 0.5:
             raise error
-        calc(self, context, output)
+        return command(self, context)
 
-    monkeypatch.setattr(LinearInterpolationActuator, "_calc_command", failing)
+    monkeypatch.setattr(LinearInterpolationActuator, "_command", failing)
     loop = loop_with(short)
     run = loop.run(loop.initial_context(0))
     assert (run.outcome, run.error) == ("simulation failed", str(error))

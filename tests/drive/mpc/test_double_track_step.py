@@ -15,12 +15,13 @@ from drift_drake.car.double_track.plant import DoubleTrackPlant
 from drift_drake.car.double_track.step_model import OWN_SCALE, DoubleTrackStepModel
 from drift_drake.car.double_track.stepping import SIZE
 from drift_drake.car.effects.magnitudes import Effects
+from drift_drake.car.internal_states import InternalStateObserver
+from drift_drake.car.known_car import known_car_model
 from drift_drake.car.parameters import InvalidVehicleError, VehicleParameters
-from drift_drake.car.single_track.effects_step import InternalStateObserver
 from drift_drake.car.step_model import STATE_SCALE, STEP, NominalStepModel, StepModel, block_scale
+from drift_drake.drive.loop.car import plant_of_car
 from drift_drake.drive.loop.closed_loop import ClosedLoop, ControlConfig
 from drift_drake.drive.loop.metrics import RunMetrics
-from drift_drake.drive.loop.true_plant import oracle_of, plant_of
 from drift_drake.drive.reference.trajectory import figure_8
 
 Array = NDArray[np.float64]
@@ -150,8 +151,8 @@ def test_it_drives_the_double_track_car() -> None:
     course = dataclasses.replace(figure_8(parameters), distance=58.0)
     control = ControlConfig(horizon=16, period=0.05, delay=0.05)
     found: list[RunMetrics] = []
-    for model in (oracle_of("double_track", parameters, EFFECTS), NominalStepModel(parameters)):
-        plant = plant_of("double_track", EFFECTS, course.path)
+    for model in (known_car_model(CARS["coupe"], EFFECTS), NominalStepModel(parameters)):
+        plant = plant_of_car(CARS["coupe"], EFFECTS, course.path)
         loop = ClosedLoop(parameters, course, model, EFFECTS, control=control, plant=plant)
         found.append(loop.run(loop.initial_context(0)).metrics())
     oracle, nominal = found

@@ -7,10 +7,10 @@ from drift_drake.car.parameters import VehicleParameters
 from drift_drake.car.single_track.effects_step import EffectsStepModel
 from drift_drake.car.step_model import INPUT_SCALE, NominalStepModel
 from drift_drake.common.arrays import Array
-from drift_drake.drive.manoeuvres.vehicles import draw_effects
 from drift_drake.drive.mpc.mpc import FOLLOWED, LOOK, Mpc, MpcSolution, NoPlanError, SolveStatistics
 from drift_drake.drive.mpc.plan import Plan, no_plan
 from drift_drake.drive.reference.trajectory import Reference
+from experiments.benchmarks.vehicles import draw_effects
 
 CAR = VehicleParameters()
 START = 20.0  # [m] along the figure-8

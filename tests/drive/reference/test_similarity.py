@@ -1,6 +1,7 @@
 """Exact dynamic copies of a car are planned alike, and what a car cannot drift is said with what it can."""
 
 import dataclasses
+import math
 
 import numpy as np
 import pytest
@@ -14,10 +15,15 @@ from drift_drake.drive.mpc.ocp import OcpWeights
 from drift_drake.drive.mpc.sqp import SqpOptions
 from drift_drake.drive.reference.chain import NoTransitionError
 from drift_drake.drive.reference.equilibrium import NoEquilibriumError, drift_equilibrium
-from drift_drake.drive.reference.similarity import copy_of, similarity, time_step
+from drift_drake.drive.reference.similarity import Similarity, similarity, time_step
 from drift_drake.drive.reference.trajectory import circle, figure_8, loops
 
 CAR = VehicleParameters()
+
+
+def copy_of(p: VehicleParameters, size: float) -> VehicleParameters:
+    """The exact dynamic copy of a car, `size` times as large, of the same materials: masses go with the volume."""
+    return Similarity(1.0 / size, math.sqrt(1.0 / size), size**-3).usual(p)
 
 
 def test_the_default_car_is_its_own_measure() -> None:

@@ -7,7 +7,7 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from drift_drake.car.double_track.car_file import read_double_track
+from drift_drake.car.car_file import read_car
 from drift_drake.car.double_track.parameters import CARS
 from drift_drake.car.effects.magnitudes import Effects
 from drift_drake.car.log.table import COLUMNS
@@ -19,9 +19,9 @@ from drift_drake.drive.gathering.config import GatheringConfig
 from drift_drake.drive.gathering.gather import gather
 from drift_drake.drive.gathering.plan import plan_drive
 from drift_drake.drive.learnt.checkpoint import BayesianModel
-from drift_drake.drive.manoeuvres.vehicles import draw_effects
 from drift_drake.gap.choose.choice import Choice, Findings
 from drift_drake.gap.choose.identified import IdentifiedCar
+from experiments.benchmarks.vehicles import draw_effects
 
 
 @pytest.fixture(scope="module")
@@ -89,7 +89,7 @@ def test_a_double_track_car_is_written_as_one(
     monkeypatch.setattr("drift_drake.gap.choose.choice.ask", lambda *_: Choice(Findings(car, 0.01), 0.012))
     assert main(["choose", str(logs), "--out", str(out), "--json", str(tmp_path / "choice.json")]) == 0
     assert "drive with the identified double-track car: " in capsys.readouterr().out
-    assert read_double_track(out) == car
+    assert read_car(out) == car
     choice = json.loads((tmp_path / "choice.json").read_text())
     assert (choice["tracks"], choice["vehicle"]["front_tire"]["shape"]) == (2, 1.25)
 

@@ -8,7 +8,6 @@ import pytest
 
 from drift_drake.car.double_track.nearest import nearest_double_track
 from drift_drake.car.double_track.parameters import CARS, DoubleTrackParameters
-from drift_drake.car.double_track.plant import LOG_STATES, PERIOD, advance, start
 from drift_drake.car.effects.magnitudes import Effects
 from drift_drake.car.log.table import Run
 from drift_drake.car.parameters import VehicleParameters
@@ -16,6 +15,7 @@ from drift_drake.gap.choose.identified import IdentifiedCar, identified_double_t
 from drift_drake.gap.estimation.windows import WindowedRun, errors, forecast_error, windowed
 from drift_drake.gap.identification.identify import identify
 from experiments.benchmarks.compiled_cases import NOISE
+from experiments.benchmarks.rows import LOG_STATES, PERIOD, advance, start
 
 TRUE = Effects(steering_lag=0.05, torque_lag=0.12)
 CAR = CARS["coupe"].replace(cg_height=0.56, differential_preload=80.0, differential_share=0.25)

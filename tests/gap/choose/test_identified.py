@@ -15,12 +15,12 @@ from drift_drake.drive.gathering.config import GatheringConfig, lane
 from drift_drake.drive.gathering.gather import gather, learn_drive
 from drift_drake.drive.gathering.plan import plan_again, plan_drive
 from drift_drake.drive.learnt.checkpoint import BayesianModel
-from drift_drake.drive.loop.true_plant import TruePlant, plant_of
 from drift_drake.drive.mpc.plan import DT
 from drift_drake.gap.choose import choice as choice_module
 from drift_drake.gap.choose.choice import Choice, Findings, ask, car_error, doubts, usual_error
 from drift_drake.gap.choose.identified import ONE_MORE, IdentifiedCar, identified, identified_double_track, runs_of
 from drift_drake.gap.estimation.windows import forecast_error, windowed
+from experiments.other_worlds.true_cars import OwnCar, true_plant
 
 CONFIG = GatheringConfig(v_end=14.0, starts=1)
 SLOW = make_effects({"steering_lag": 0.15, "friction_level": -0.2})
@@ -142,12 +142,12 @@ def test_a_car_is_believed_that_predicts_as_is_usual(error: float, believed: str
     assert ("no car was identified" in choice.sentence()) == np.isinf(error)
 
 
-def _driven(model: BayesianModel, effects: Effects, plant: TruePlant = "single_track") -> list[pd.DataFrame]:
+def _driven(model: BayesianModel, effects: Effects, plant: OwnCar = "single_track") -> list[pd.DataFrame]:
     """Logs of two informative drives of a car."""
     config, belief, tables = GatheringConfig(starts=1, max_iterations=40), model.prior(), list[pd.DataFrame]()
     first = plan = plan_drive(model, belief, config, config.alpha)
     for number in range(2):
-        car = plant_of(plant, effects, lane(config).path)
+        car = true_plant(plant, effects, lane(config).path)
         tables.append(gather(plan, effects, VehicleParameters(), config, number, car)[0])
         belief = learn_drive(model, belief, tables[-1], config)
         plan = plan_again(model, belief, first, config)
@@ -253,7 +253,7 @@ def test_of_one_additional_fault_the_right_one_is_identified(model: BayesianMode
 
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", ["double_track", "roadster"])
-def test_a_double_track_car_is_identified_as_one(model: BayesianModel, kind: TruePlant) -> None:
+def test_a_double_track_car_is_identified_as_one(model: BayesianModel, kind: OwnCar) -> None:
     """In informative drives, which no single-track car predicts."""
     effects = make_effects({"steering_lag": 0.05, "torque_lag": 0.1})
     car, choice = _asked(_driven(model, effects, kind))

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from drift_drake.car.double_track.parameters import CARS, DoubleTrackParameters
-from drift_drake.car.double_track.plant import LOG_STATES, PERIOD, advance, start
 from drift_drake.car.effects.magnitudes import Effects
 from drift_drake.car.log.table import Run
 from drift_drake.gap.estimation.windows import HORIZONS, LARGEST_ERROR, WindowedRun, errors, windowed
+from experiments.benchmarks.rows import LOG_STATES, PERIOD, advance, start
 
 EFFECTS = Effects(steering_lag=0.06, torque_lag=0.1)
 LIVELY = CARS["coupe"].replace(differential_preload=40.0, differential_share=0.2)

@@ -5,7 +5,7 @@ import pytest
 
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.drive.reference.trajectory import Reference
-from drift_drake.view.pictures.overhead import OverheadPanel, overhead_panels
+from experiments.pictures.overhead_panels import OverheadPanel, overhead_panels
 
 
 def test_a_panel_a_group_with_marks_where_runs_ended(perfect_run: pd.DataFrame, eight: Reference) -> None:

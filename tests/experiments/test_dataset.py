@@ -4,7 +4,8 @@ import numpy as np
 import pandas as pd
 
 from drift_drake.drive.learnt.command_lag import LAGGED, lagged_commands
-from drift_drake.drive.learnt.samples import all_phases, samples_from_log
+from drift_drake.drive.learnt.samples import samples_from_log
+from experiments.model.drives import all_phases
 
 
 class Ramp:

@@ -4,7 +4,7 @@ import numpy as np
 
 from drift_drake.car.effects.catalogue import CATALOGUE
 from drift_drake.car.effects.magnitudes import Effects, make_effects
-from drift_drake.drive.manoeuvres.vehicles import EXTREME, OUT_OF_DISTRIBUTION, POPULATIONS, TRAINING, draw_effects
+from experiments.benchmarks.vehicles import EXTREME, OUT_OF_DISTRIBUTION, POPULATIONS, TRAINING, draw_effects
 
 
 def test_vehicles_are_reproducible_and_differ() -> None:

@@ -5,7 +5,9 @@ import pytest
 
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.car.single_track.motion import linearize
-from drift_drake.drive.manoeuvres.drivers import (
+from drift_drake.drive.mpc.plan import interpolate_knots
+from drift_drake.drive.reference.equilibrium import drift_equilibrium
+from experiments.benchmarks.drifters import (
     DITHER_STEERING,
     DITHER_TORQUE,
     HoldDriver,
@@ -14,8 +16,6 @@ from drift_drake.drive.manoeuvres.drivers import (
     manual_script,
     wander,
 )
-from drift_drake.drive.mpc.plan import interpolate_knots
-from drift_drake.drive.reference.equilibrium import drift_equilibrium
 
 CAR = VehicleParameters()
 

@@ -7,8 +7,9 @@ from pydrake.systems.primitives import TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial
 
 from drift_drake.car.double_track.parameters import CARS
-from drift_drake.car.double_track.plant import LOG_STATES, PERIOD, DoubleTrackPlant, advance, start
+from drift_drake.car.double_track.plant import DoubleTrackPlant
 from drift_drake.car.effects.magnitudes import Effects
+from experiments.benchmarks.rows import LOG_STATES, PERIOD, advance, start
 
 CAR = CARS["roadster"]
 ROWS = 81

@@ -7,7 +7,7 @@ import pytest
 from matplotlib.colors import to_rgb
 
 from drift_drake.view.colours import RUNS
-from drift_drake.view.pictures.still import looking_at, still
+from experiments.pictures.rendered import looking_at, still
 
 OPENGL = any(ctypes.util.find_library(name) for name in ("EGL", "GL"))
 

@@ -8,36 +8,38 @@ from typing import TYPE_CHECKING
 
 import tyro
 
-from drift_drake.car.given_vehicle import on_one_track, vehicle_given
+from drift_drake.car.given_vehicle import GivenVehicle, on_one_track, vehicle_given
 from drift_drake.car.log.table import InvalidLogError, run_paths
 from drift_drake.common.errors import InvalidOptionError
 from drift_drake.common.executors import ExecutorConfig
 from drift_drake.common.interruption import ended_at_once
-from drift_drake.common.safe_files import try_outputs, write_figure
-from drift_drake.common.standard_output import said_to, write_results
+from drift_drake.common.safe_files import try_outputs
+from drift_drake.common.standard_output import said_to, write_results, write_text
 
 if TYPE_CHECKING:
-    from drift_drake.gap.monitoring import fleet
-    from drift_drake.gap.monitoring.fleet import FleetDay
+    from drift_drake.gap.monitoring.fleet_days import FleetDay
 
 
 @dataclasses.dataclass(frozen=True)
 class Fleet:
     """Find what is missing from a fleet's simulator: for all cars, for single cars, on single days.
 
-    drift-drake fleet logs --vehicle car.yaml --picture fleet.png
+    drift-drake fleet logs --vehicle car.yaml --page fleet.html
 
-    LOGS holds a folder for each car, and in it runs (run_0.csv, ...) or a folder of runs for each day.
+    LOGS holds a folder for each car, and in it runs (run_0.csv, ...) or a folder of runs for each day. Days follow each
+    other in the order of their names.
     """
 
     folder: tyro.conf.Positional[Path]
     """Folder of cars."""
     vehicle: Path
     """What the simulator believes of every car (YAML)."""
+    calibration: Path | None = None
+    """What 'identify --json' wrote with the vehicle file, so that its baseline residuals are no effect."""
     json: Path | None = None
     """Where to write what was found, as JSON (-: standard output)."""
-    picture: Path | None = None
-    """Where to draw it: cars by effects (PNG)."""
+    page: Path | None = None
+    """Where to write a page of it: a table of cars and days for each effect (HTML)."""
     workers: int = 2
     """Processes."""
     scheduler: str | None = None
@@ -45,45 +47,49 @@ class Fleet:
 
 
 def run_fleet(command: Fleet) -> None:
-    vehicle, own, remark = on_one_track(vehicle_given(command.vehicle), command.vehicle)
-    if remark:
-        print(f"warning: {remark}", file=sys.stderr)
+    given = vehicle_given(command.vehicle)
     if command.workers < 1:
         raise InvalidOptionError(f"--workers {command.workers}: give 1 or more")
     folders = day_folders(command.folder)
     logs = [path for folder in folders.values() for path in run_paths(folder)]
-    try_outputs({"--json": command.json, "--picture": command.picture}, [command.vehicle, *logs])
+    inputs = [command.vehicle, *logs, *([command.calibration] if command.calibration else [])]
+    try_outputs({"--json": command.json, "--page": command.page}, inputs)
     with ended_at_once():
-        from drift_drake.gap.monitoring.fleet import (
-            days_of,
-            draw_fleet,
-            evidence_problem_of,
-            fleet_findings,
-            shared_columns,
-        )
+        from drift_drake.gap.monitoring.baselines import OfPrediction, baseline_given
+        from drift_drake.gap.monitoring.fleet import fleet_findings
+        from drift_drake.gap.monitoring.fleet_days import Judge, days_of, shared_columns
+        from drift_drake.gap.monitoring.fleet_page import lines, page
         from drift_drake.gap.monitoring.watch import WATCHED
 
+    baseline = baseline_given(command.calibration) if command.calibration else None
+    if not isinstance(baseline, OfPrediction):
+        car = on_one_track(given, command.vehicle)
+        given = GivenVehicle(car.parameters, car.effects)
+        if car.remark:
+            print(f"warning: {car.remark}", file=sys.stderr)
     used = shared_columns(folders)
-    if left := [name for name in WATCHED if name not in used]:
+    left = [name for name in WATCHED if name not in used]
+    if left and baseline is None:
         print(f"left out, since not every run has it: {', '.join(left)}", file=sys.stderr)
     here = command.scheduler is None
     run_on = ExecutorConfig("processes" if here else "dask", command.workers, command.scheduler)
-    days = days_of(folders, vehicle, own, used, None if here and command.workers == 1 else run_on)
-    found = fleet_findings(evidence_problem_of(vehicle, own, used), usable_days(command.folder, days))
+    judge = Judge(given, used, baseline)
+    days = days_of(folders, judge, None if here and command.workers == 1 else run_on)
+    found = fleet_findings(judge.problem(), usable_days(command.folder, days))
     print("\n".join(lines(found)), file=said_to(command.json))
     write_results(command.json, found)
-    if command.picture is not None:
-        write_figure(draw_fleet(found), command.picture)
-        print(f"{command.picture}: cars by effects", file=said_to(command.json))
+    if command.page is not None:
+        write_text(command.page, page(found, command.folder, command.vehicle))
+        print(f"{command.page}: cars, days and effects", file=said_to(command.json))
 
 
 def usable_days(folder: Path, days: Sequence["FleetDay"]) -> list["FleetDay"]:
     """The days that can be judged, the others are reported; raises InvalidLogError where there is none."""
-    kept = [day for day in days if day.sums.rows > 0.0]
-    why = "less than 2 s can be judged: at rest, nearly so, or sideways"
+    kept = [day for day in days if len(day.w)]
+    why = "less than 2 s can be judged: at rest, nearly so, sideways, or harder than calibrated"
     if not kept:
         raise InvalidLogError(f"{folder}: of each day {why}; give days of driving")
-    if others := [f"{day.car}/{day.name}" for day in days if not day.sums.rows > 0.0]:
+    if others := [f"{day.car}/{day.name}" for day in days if not len(day.w)]:
         print(f"left out, since {why}: {', '.join(others)}", file=sys.stderr)
     return kept
 
@@ -101,18 +107,4 @@ def day_folders(folder: Path) -> dict[tuple[str, str], Path]:
                 out[car.name, day.name] = day
     if not out:
         raise InvalidLogError(f"{folder}: holds no cars; give a folder of cars, which are folders of runs (run_0.csv)")
-    return out
-
-
-def lines(found: "fleet.FleetFindings") -> Sequence[str]:
-    from drift_drake.car.effects.catalogue import CATALOGUE
-
-    out = [f"{len(found.cars)} cars, {found.days} days"]
-    for term in sorted(found.terms, key=lambda t: (("fleet", "car", "day").index(t.level), t.owner, -t.probability)):
-        size = f"{term.magnitude:+.3g}{CATALOGUE[term.effect].suffix} (95 %: {term.low:.3g} to {term.high:.3g})"
-        owner = "all cars" if term.level == "fleet" else term.owner
-        out.append(f"  {owner}: {term.effect} {size}, probability {term.probability:.2f}")
-    if not found.terms:
-        out.append("  nothing is missing from the simulator")
-    out += [f"  outlier: {day}, {z:.1f} standard deviations beyond these effects" for day, z in found.outliers.items()]
     return out

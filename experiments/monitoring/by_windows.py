@@ -8,12 +8,14 @@ OUT/drives.json: what was said of each; OUT/report.md: the table.
 """
 
 import dataclasses
+import time
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
 import tyro
+from scipy.stats import chi2
 
 from diagrams.command import run_command
 from drift_drake.car.effects.catalogue import LIMITS
@@ -53,6 +55,8 @@ class Config:
     """Seeds of drives with a change: one of each change."""
     calm: int = 4
     """Seeds of drives without one: one of each kind."""
+    calm_duration: float = 14.0
+    """[s] of a drive without a change."""
     false_alarms_per_hour: float = 0.3
 
 
@@ -68,7 +72,9 @@ class Watched:
     shown: bool  # whether the drive could show the change, by the limits that the watch states itself
     reported: float | None  # [s] after the change, or after the start where there is none
     cause: str  # the last one that was named, or that the report led with
+    rivals: tuple[str, ...]  # that were named with it
     early: int  # reports before the change
+    cpu: float  # [s] that the watch took
 
 
 def calibrated(config: Config) -> tuple[Path, Path]:
@@ -92,22 +98,26 @@ def drives(config: Config) -> Iterator[tuple[str, str, float, Run]]:
              for j in range(config.count) for i, (name, q) in enumerate(CHANGES)]  # fmt: skip
     for kind, name, q, seed in jobs:
         effects = make_effects({name: q}) if name else Effects()
-        run = changed_double_track_drive(kind, effects, ONSET, seed, DURATION, config.car)
+        duration = DURATION if name else config.calm_duration
+        run = changed_double_track_drive(kind, effects, ONSET, seed, duration, config.car)
         if run.t[-1] > ONSET + SOON:
             yield kind, name, q, smoothed(run, config.smooth) if config.smooth else run
 
 
 def watched(config: Config, files: tuple[Path, Path], kind: str, name: str, q: float, run: Run) -> Watched:
     """What the watch says of a drive."""
+    began = time.process_time()
     seen = watch(run, *files, false_alarms_per_hour=config.false_alarms_per_hour)
+    cpu = time.process_time() - began
     begins = ONSET if name else 0.0
     events = [event for event in seen.events if event["event"] in OF_A_CHANGE]
     late = [event for event in events if event["t"] > begins]
     reports = [event["t"] - begins for event in late if event["event"] == "change"]
-    causes = [event["cause"] for event in late if "cause" in event]
+    last = next((event for event in reversed(late) if "cause" in event), {"cause": ""})
     return Watched(
         kind, name, q, float(run.t[-1]), seen.judged, bool(name) and shows(seen.limits, name, q),
-        reports[0] if reports else None, causes[-1] if causes else "", len(events) - len(late),
+        reports[0] if reports else None, last["cause"], (*last.get("rivals", ()), *last.get("or", ())),
+        len(events) - len(late), cpu,
     )  # fmt: skip
 
 
@@ -126,15 +136,27 @@ def table(found: Sequence[Watched]) -> str:
     for label, some in (("all", changed), ("that the drive could show", [w for w in changed if w.shown])):
         hit = [w for w in some if w.reported is not None]
         soon = sum(w.reported is not None and w.reported <= SOON for w in some)
-        right = sum(w.cause == w.effect for w in hit)
+        right, among = (sum(w.effect in (w.cause, *more) for w, more in zip(hit, others, strict=True))
+                        for others in ([()] * len(hit), [w.rivals for w in hit]))  # fmt: skip
+        count = f"{np.mean([len(w.rivals) for w in hit]):.1f}" if hit else "-"
         delay = f"{np.median([w.reported for w in hit if w.reported is not None]):.1f}" if hit else "-"
-        rows.append((f"{label}: {len(some)}", soon, len(hit), f"{right} of {len(hit)}", delay))
-    heads = ("changes", "reported within 3 s", "at all", "last cause right", "median delay [s]")
+        rows.append((f"{label}: {len(some)}", soon, len(hit), right, among, count, delay))
+    heads = ("changes", "reported within 3 s", "at all", "last cause right", "right, or among its rivals",
+             "rivals, mean", "median delay [s]")  # fmt: skip
     share = sum(w.judged for w in calm) / max(sum(w.seconds for w in calm), 1e-9)
+    low, high = poisson(alarms)
+    rate = f"{alarms / max(hours, 1e-9):.2f} (95 %: {low / max(hours, 1e-9):.2f} to {high / max(hours, 1e-9):.2f})"
+    cost = sum(w.cpu for w in found) / max(sum(w.seconds for w in found), 1e-9)
     return "\n".join([
         *tabulated(heads, rows), "",
-        f"Without a change: {alarms} false alarms in {hours:.2f} h that could be judged ({share:.0%} of it).",
+        f"Without a change: {alarms} false alarms in {hours:.2f} h judged ({share:.0%} of the driving), "
+        f"{rate} in an hour. CPU: {cost:.0%} of a core.",
     ])  # fmt: skip
+
+
+def poisson(count: int) -> tuple[float, float]:
+    """Exact 95 % interval of the mean of a count (Garwood 1936)."""
+    return float(chi2.ppf(0.025, 2 * count)) / 2.0 if count else 0.0, float(chi2.ppf(0.975, 2 * count + 2)) / 2.0
 
 
 def main(config: Config) -> None:

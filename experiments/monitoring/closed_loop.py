@@ -2,9 +2,12 @@
 
     python -m experiments.monitoring.closed_loop OUT --seeds 4
     python -m experiments.monitoring.closed_loop OUT --plants double_track --first 100 --seeds 4
+    python -m experiments.monitoring.closed_loop OUT --plants double_track --calibrated --modes off slow
 
 Each drive is a figure-8 under MPC that believes the simulator's car; the change comes at a moment that depends on the
-seed. A file a drive; drives that are there are not made again. Prints one table, and writes it to OUT/report.md.
+seed. With `--calibrated`, controller and monitor believe a car that was calibrated by prediction on normal drives of
+the plant (OUT/PLANT.yaml and .json), and it is watched by windows. A file a drive; drives that are there are not made
+again. Prints one table, and writes it to OUT/report.md.
 """
 
 import dataclasses
@@ -12,19 +15,21 @@ import json
 from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, NamedTuple, get_args
 
 import numpy as np
 import pandas as pd
 import tyro
 
 from diagrams.command import run_command
-from drift_drake.car.double_track.parameters import CARS
 from drift_drake.car.effects.magnitudes import Effects, make_effects
+from drift_drake.car.given_vehicle import vehicle_given
+from drift_drake.car.internal_states import on_the_motion
 from drift_drake.car.log.table import Run, make_run
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.car.single_track.effects_step import EffectsStepModel
 from drift_drake.car.step_model import NominalStepModel, StepModel
+from drift_drake.car.vehicle_file import write_vehicle
 from drift_drake.common.executors import ExecutorConfig, run_jobs
 from drift_drake.common.run_folder import is_done, write_json, write_versions
 from drift_drake.drive.learnt.adapter import BayesianAdapter
@@ -34,20 +39,23 @@ from drift_drake.drive.learnt.quality import step_model
 from drift_drake.drive.loop.closed_loop import ClosedLoop
 from drift_drake.drive.loop.faults import Change, Fault
 from drift_drake.drive.reference.trajectory import Reference, figure_8
-from drift_drake.gap.monitoring.baselines import with_baseline_scores
+from drift_drake.gap.identification.identify import identify
+from drift_drake.gap.monitoring.baselines import baseline_given, calibrated_watcher, with_baseline_scores
+from drift_drake.gap.monitoring.events import Watcher
 from drift_drake.gap.monitoring.in_loop import CORRECTING, GapWatch, Policy, events_of
-from drift_drake.gap.monitoring.monitor import Monitor, make_monitor
+from drift_drake.gap.monitoring.monitor import make_monitor
 from drift_drake.gap.monitoring.watch import WATCHED
 from experiments.benchmarks.intervals import binomial
 from experiments.made import tabulated, write_report
-from experiments.other_worlds.true_cars import true_plant
+from experiments.other_worlds.true_cars import OwnCar, double_track_of, true_plant
 
 Mode = Literal["off", "watch", "correct", "slow", "correct_or_slow", "online", "online_forget"]
+MODES: tuple[Mode, ...] = get_args(Mode)
 POLICIES: dict[Mode, Policy] = {
-    "off": "watch", "watch": "watch", "correct": "correct", "slow": "slow", "correct_or_slow": "correct_or_slow",
-    "online": "watch", "online_forget": "forget",
+    "watch": "watch", "correct": "correct", "slow": "slow", "correct_or_slow": "correct_or_slow",
+    "online_forget": "forget",
 }  # fmt: skip
-PlantName = Literal["nominal", "double_track"]
+"""Of the others, `off` and `online`, the car is not watched."""
 
 CHANGES: dict[str, dict[str, float]] = {
     "none": {},
@@ -70,10 +78,11 @@ NORMAL_SEEDS = (900, 901, 902)  # of the double-track car's normal drives, which
 class Job:
     """One drive."""
 
-    plant: PlantName
+    plant: OwnCar
     change: str
     mode: Mode
     seed: int
+    calibration: Path | None = None  # folder of the files of calibrated cars
 
     @property
     def name(self) -> str:
@@ -88,49 +97,81 @@ class Config:
     first: int = 0
     """The first seed."""
     seeds: int = 2
-    plants: tuple[PlantName, ...] = ("nominal", "double_track")
+    plants: tuple[OwnCar, ...] = ("single_track", "double_track")
+    calibrated: bool = False
+    """The car is calibrated by prediction on normal drives, and watched by windows."""
     changes: tuple[str, ...] = tuple(CHANGES)
     modes: tuple[Mode, ...] = ("off", "correct", "slow", "correct_or_slow")
     executor: ExecutorConfig = dataclasses.field(default_factory=lambda: ExecutorConfig(workers=1))
 
 
-def simulator(plant: PlantName) -> VehicleParameters:
-    """The car that controller and monitor believe in."""
-    return VehicleParameters() if plant == "nominal" else CARS["coupe"].single_track()
+class Believed(NamedTuple):
+    """What controller and monitor believe in."""
+
+    vehicle: VehicleParameters
+    effects: Effects
+    monitor: Watcher
+
+
+def simulator(plant: OwnCar) -> VehicleParameters:
+    """The single-track car that is nearest to a plant."""
+    car = double_track_of(plant)
+    return VehicleParameters() if car is None else car.single_track()
 
 
 @cache
-def reference(plant: PlantName) -> Reference:
+def reference(plant: OwnCar) -> Reference:
     """What is driven."""
     return figure_8(simulator(plant), laps=LAPS)
 
 
 def closed_loop(
-    plant: PlantName, faults: Sequence[Fault] = (), monitor: Monitor | None = None, policy: Policy = "watch",
+    plant: OwnCar, faults: Sequence[Fault] = (), believed: Believed | None = None, policy: Policy | None = None,
     online: bool = False,
 ) -> ClosedLoop:  # fmt: skip
-    """The loop of a plant; the true car may change."""
-    vehicle = simulator(plant)
-    model: StepModel = EffectsStepModel(vehicle, Effects()) if policy in CORRECTING else NominalStepModel(vehicle)
+    """The loop of a plant; the true car may change. Without a policy it is not watched."""
+    vehicle, own = (believed.vehicle, believed.effects) if believed else (simulator(plant), Effects())
+    plain = policy not in CORRECTING and own == Effects()
+    model: StepModel = (
+        NominalStepModel(vehicle) if plain else EffectsStepModel(vehicle, on_the_motion(own), exact=False)
+    )
     adapter = None
     if online:
         learnt = load_model()
         model, adapter = step_model(learnt, learnt.prior()), BayesianAdapter(learnt, lags=BANK)
     effects, car = Effects(aero_drag=1e-9), None
-    if plant == "double_track":
+    if plant != "single_track":
         effects, car = Effects(), true_plant(plant, Effects(), reference(plant).path)
-    return ClosedLoop(vehicle, reference(plant), model, effects, faults=faults, plant=car, adapter=adapter,
-                      watch=None if monitor is None else GapWatch(monitor, policy))  # fmt: skip
+    watch = GapWatch(believed.monitor, policy) if believed and policy else None
+    return ClosedLoop(vehicle, reference(plant), model, effects, faults=faults, plant=car, adapter=adapter, watch=watch)
 
 
 @cache
-def monitor_of(plant: PlantName) -> Monitor:
-    """The monitor of a plant: of the double-track car, one that has learnt its normal drives."""
-    monitor = make_monitor(simulator(plant), used=WATCHED)
-    if plant == "nominal":
-        return monitor
+def believed_of(plant: OwnCar, calibration: Path | None) -> Believed:
+    """The simulator's car, watched by a bank of filters (of a double-track car one that has learnt its normal drives);
+    or the calibrated car, watched by windows."""
+    if calibration is not None:
+        given, files = vehicle_given(calibration / f"{plant}.yaml"), calibration / f"{plant}.json"
+        monitor = calibrated_watcher(baseline_given(files), normal_drives(plant, NORMAL_SEEDS[:1])[0], given)
+        return Believed(given.parameters.single_track(), given.effects, monitor)
+    filters = make_monitor(simulator(plant), used=WATCHED)
+    if plant != "single_track":
+        filters = with_baseline_scores(filters, normal_drives(plant))
+    return Believed(simulator(plant), Effects(), filters)
+
+
+def normal_drives(plant: OwnCar, seeds: Sequence[int] = NORMAL_SEEDS) -> list[Run]:
+    """Drives of a plant under the controller that believes the simulator's car."""
     loop = closed_loop(plant)
-    return with_baseline_scores(monitor, [as_log(loop.run(loop.initial_context(seed)).table) for seed in NORMAL_SEEDS])
+    return [as_log(loop.run(loop.initial_context(seed)).table) for seed in seeds]
+
+
+def calibrate(plant: OwnCar, folder: Path) -> None:
+    """Writes the calibrated car of a plant, if it is not there."""
+    if not is_done(folder / f"{plant}.json"):
+        found = identify(normal_drives(plant), simulator(plant), case=plant, criterion="prediction", car="single-track")
+        write_vehicle(folder / f"{plant}.yaml", found.vehicle, found.effects)
+        write_json(folder / f"{plant}.json", found.calibration)
 
 
 def as_log(table: pd.DataFrame) -> Run:
@@ -146,10 +187,10 @@ def drive(job: Job) -> dict[str, Any]:
     effects = make_effects(CHANGES[job.change])
     onset = round(float(np.random.default_rng([job.seed, 3]).uniform(EARLIEST, LATEST)), 2)
     faults, change = disturbances(job.change, effects, onset)
-    monitor = None if job.mode in ("off", "online") else monitor_of(job.plant)
-    loop = closed_loop(job.plant, faults, monitor, POLICIES[job.mode], online=job.mode.startswith("online"))
+    believed, policy = believed_of(job.plant, job.calibration), POLICIES.get(job.mode)
+    loop = closed_loop(job.plant, faults, believed, policy, online=job.mode.startswith("online"))
     run = loop.run(loop.initial_context(job.seed), change=change)
-    events = [] if monitor is None else events_of(monitor, run.table)
+    events = events_of(believed.monitor, run.table) if policy else []
     slow = float(run.table["slow"].mean()) if "slow" in run.table else 0.0
     return dataclasses.asdict(job) | {"onset": onset, "events": events, "slow": slow,
                                       "metrics": dataclasses.asdict(run.metrics())}  # fmt: skip
@@ -174,7 +215,7 @@ def table(results: Sequence[dict[str, Any]]) -> str:
              "named")  # fmt: skip
     rows = []
     keys = dict.fromkeys((r["plant"], r["change"], r["mode"]) for r in results)
-    for key in sorted(keys, key=lambda k: (k[0] != "nominal", list(CHANGES).index(k[1]), list(POLICIES).index(k[2]))):
+    for key in sorted(keys, key=lambda k: (k[0] != "single_track", list(CHANGES).index(k[1]), MODES.index(k[2]))):
         some = [r for r in results if (r["plant"], r["change"], r["mode"]) == key]
         rows.append((*key, *row(some)))
     return "\n".join(tabulated(heads, rows))
@@ -201,7 +242,7 @@ def pairs(results: Sequence[dict[str, Any]]) -> str:
         key = (r["plant"], r["change"], r["seed"])
         drives.setdefault(r["mode"], {})[key] = r["metrics"]["outcome"] == "completed"
     without, lines = drives.get("off", {}), []
-    for mode in [mode for mode in POLICIES if mode in drives and mode not in ("off", "online", "online_forget")]:
+    for mode in [mode for mode in POLICIES if mode in drives and mode != "online_forget"]:
         for plant in dict.fromkeys(key[0] for key in drives[mode]):
             both = [(without[key], done) for key, done in drives[mode].items() if key[0] == plant and key in without]
             lost, kept = ([done for before, done in both if before == which] for which in (False, True))
@@ -212,7 +253,10 @@ def pairs(results: Sequence[dict[str, Any]]) -> str:
 
 def main(config: Config) -> None:
     """Makes the drives that are not there, and prints the table."""
-    jobs = [Job(plant, change, mode, seed) for seed in range(config.first, config.first + config.seeds)
+    calibration = config.out if config.calibrated else None
+    for plant in config.plants if calibration else ():
+        calibrate(plant, config.out)
+    jobs = [Job(plant, change, mode, seed, calibration) for seed in range(config.first, config.first + config.seeds)
             for plant in config.plants for change in config.changes for mode in config.modes]  # fmt: skip
     paths = {job.name: config.out / f"{job.name}.json" for job in jobs}
     config.out.mkdir(parents=True, exist_ok=True)

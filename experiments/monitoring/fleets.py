@@ -1,6 +1,7 @@
 """A fleet of cars with one effect that all share and some of their own: are they all named?
 
     python -m experiments.monitoring.fleets OUT --cars 30 --own 5
+    python -m experiments.monitoring.fleets OUT --cars 6 --own 2 --days 3 --drift 1
 
 Each car has deviations within its file's tolerances too, and two drives a day. Writes the logs, truth.json and what
 the fleet's model finds, found.json; a cluster's machines (`--executor.executor dask`) share the folder OUT.
@@ -16,12 +17,15 @@ import tyro
 
 from diagrams.command import run_command
 from drift_drake.car.effects.magnitudes import Effects, make_effects
+from drift_drake.car.given_vehicle import GivenVehicle
 from drift_drake.car.log.table import write_run
 from drift_drake.car.parameters import VehicleParameters
-from drift_drake.cli.fleet import day_folders, lines
+from drift_drake.cli.fleet import day_folders
 from drift_drake.common.executors import ExecutorConfig
 from drift_drake.common.run_folder import is_done, write_json
-from drift_drake.gap.monitoring.fleet import FleetFindings, days_of, evidence_problem_of, fleet_findings, shared_columns
+from drift_drake.gap.monitoring.fleet import FleetFindings, fleet_findings
+from drift_drake.gap.monitoring.fleet_days import Judge, days_of, shared_columns
+from drift_drake.gap.monitoring.fleet_page import lines
 from experiments.benchmarks.truths import drawn_deviations
 from experiments.monitoring.drives import changed_drive
 
@@ -41,6 +45,8 @@ class Config:
     own: int = 5
     """Cars with an effect of their own, at most 5."""
     days: int = 1
+    drift: float = 0.0
+    """Share of the effect that all have that comes between the first day and the last."""
     duration: float = 8.0
     """[s] of a drive."""
     seed: int = 0
@@ -52,10 +58,9 @@ def main(config: Config) -> None:
     if not is_done(config.out / "truth.json"):
         write_fleet(config)
     truth = json.loads((config.out / "truth.json").read_text())
-    folders, vehicle, own = day_folders(config.out), VehicleParameters(), Effects()
-    used = shared_columns(folders)
-    days = days_of(folders, vehicle, own, used, config.executor)
-    found = fleet_findings(evidence_problem_of(vehicle, own, used), days)
+    folders = day_folders(config.out)
+    judge = Judge(GivenVehicle(VehicleParameters(), Effects()), shared_columns(folders))
+    found = fleet_findings(judge.problem(), days_of(folders, judge, config.executor))
     write_json(config.out / "found.json", found)
     print("\n".join([*lines(found), verdict(found, truth)]))
 
@@ -76,9 +81,10 @@ def write_fleet(config: Config) -> None:
     own = {f"car_{car:02d}": OWN[i] for i, car in enumerate(odd)}
     for car in range(config.cars):
         name = f"car_{car:02d}"
-        effects = make_effects(SHARED | own.get(name, {}))
         deviations = drawn_deviations(rng, vehicle.tolerance)
         for day in range(config.days):
+            there = 1.0 - config.drift * (1.0 - day / max(config.days - 1, 1))
+            effects = make_effects({effect: there * q for effect, q in SHARED.items()} | own.get(name, {}))
             for i, kind in enumerate(("slalom", "power")):
                 seed = 1000 * config.seed + 100 * car + 10 * day + i
                 run = changed_drive(kind, effects, 0.0, seed, config.duration, vehicle, deviations)

@@ -43,6 +43,7 @@ STEP = 0.01  # [s] of Runge-Kutta, at most
 STEPS_PER_RATE = 1.5  # of the fastest settling time that a step may take
 MOST_STEPS = 32  # a row
 FOLLOWING = 0.0125  # [s] of a step of internal states along the measured motion, at most
+FEW = 2  # windows, up to which one by one takes less than `LANES` at once
 LARGEST_ERROR = 1e3  # of any channel, where a prediction diverges
 
 
@@ -241,7 +242,7 @@ def run_errors(
     stepped = kind_of(constants).STEPPED
     arguments = (run.start_y, run.y, run.starts, run.stride_rows, delta, torque, run.period, constants,
                  run.read_with(dynamic), run.fed, with_bank(wrench, banked), size_of(constants))  # fmt: skip
-    if stepped and not installed_effects() and len(run.starts):
+    if stepped and not installed_effects() and len(run.starts) > FEW:
         predict_in_lanes(*arguments, (STEP, STEPS_PER_RATE, MOST_STEPS), out)
         out[~(np.abs(out) < LARGEST_ERROR)] = LARGEST_ERROR
     else:

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
 
-from drift_drake.car.effects.magnitudes import COUNT, Effects
+from drift_drake.car.effects.magnitudes import COUNT, Effects, combined
 from drift_drake.car.internal_states import BEYOND, on_the_motion
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.car.sensor_errors import SENSORS, corrected_reading
@@ -55,11 +55,6 @@ def corrected(held: np.ndarray, labels: tuple[str, ...], posterior: np.ndarray, 
     return np.array(Effects(**{name: magnitude}), dtype=float)
 
 
-def for_model(correction: np.ndarray) -> np.ndarray:
-    """The part of a correction that acts on the motion."""
-    return np.array(on_the_motion(Effects(*correction)), dtype=float)
-
-
 class GapCorrection(LeafSystem):
     """The policy as a system, between `GapMonitor` and the controller.
 
@@ -67,10 +62,14 @@ class GapCorrection(LeafSystem):
     Output ports: correction [COUNT], in the order of `Effects`; effects [COUNT], what of it acts on the motion;
     corrected_state [7].
     State in the Context, each period of the monitor: the correction.
+
+    Args:
+        own: what the controller's model has while nothing is corrected, as of a calibrated car.
     """
 
-    def __init__(self, monitor: Watcher) -> None:
+    def __init__(self, monitor: Watcher, own: Effects = Effects()) -> None:
         LeafSystem.__init__(self)
+        self._own = own
         self._labels = monitor.labels
         self._posterior = self.DeclareVectorInputPort("posterior", len(self._labels))
         self._magnitude = self.DeclareVectorInputPort("magnitude", 3)
@@ -91,7 +90,8 @@ class GapCorrection(LeafSystem):
         discrete.set_value(self._held, corrected(held, self._labels, self._posterior.Eval(context), magnitude))
 
     def _calc_effects(self, context: Context, output: Any) -> None:
-        output.SetFromVector(for_model(context.get_discrete_state(self._held).value()))
+        held = Effects(*context.get_discrete_state(self._held).value())
+        output.SetFromVector(np.array(on_the_motion(combined(self._own, held)), dtype=float))
 
     def _calc_reading(self, context: Context, output: Any) -> None:
         held = context.get_discrete_state(self._held).value()

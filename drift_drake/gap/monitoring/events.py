@@ -8,7 +8,7 @@ import numpy as np
 
 from drift_drake.car.effects.catalogue import CATALOGUE
 from drift_drake.common.errors import DriftDrakeError, unit_suffix
-from drift_drake.gap.evidence.posterior import UNKNOWN
+from drift_drake.gap.evidence.posterior import NONE, UNKNOWN
 from drift_drake.gap.monitoring.evidence import NAMED, TRUSTED, EvidenceProblem
 
 PERSISTS, UNKNOWN_PERSISTS = 0.5, 2.0  # [s] that a cause must lead with it: right after a change few fit
@@ -86,9 +86,10 @@ class Events:
     """What has been reported: whether there is a change, and which cause; and what is about to be."""
 
     changed: bool = False
-    cause: str | None = None
+    cause: str | None = None  # that was named
+    leading: str = NONE  # of the last report of a change or a cause
     candidate: str | None = None
-    count: int = 0  # verdicts in a row that name the candidate
+    count: int = 0  # verdicts in a row that lead with the candidate, which is sure, or what was reported refuted
     outside: bool = False  # whether it is said that the driving cannot be judged
 
     def after(self, monitor: Watcher, verdict: np.ndarray, t: float) -> tuple["Events", list[dict[str, Any]]]:
@@ -98,16 +99,16 @@ class Events:
         if now.changed and p[0] >= TRUSTED:
             now, new = Events(outside=self.outside), [{"t": t, "event": "over"}]
         if not now.changed and p[0] < monitor.alarm:
-            now = Events(True, outside=self.outside)
+            now = Events(True, leading=monitor.labels[1 + int(np.argmax(p[1:]))], outside=self.outside)
             new.append({"t": t, "event": "change"} | details(monitor, verdict))
         if now.changed:
             leading = 1 + int(np.argmax(p[1:]))
-            name = monitor.labels[leading]
-            sure = p[leading] >= NAMED
-            count = now.count * (name == now.candidate) + sure
-            now = dataclasses.replace(now, candidate=name if sure else None, count=count)
-            if count >= persists(name, monitor.block) and name != now.cause:
-                now = dataclasses.replace(now, cause=name)
+            name, sure = monitor.labels[leading], p[leading] >= NAMED
+            refuted = p[monitor.labels.index(now.leading)] < RIVAL
+            count = now.count * (name == now.candidate) + 1 if sure or refuted else 0
+            now = dataclasses.replace(now, candidate=name, count=count)
+            if count >= persists(name, monitor.block) and name != (now.cause if sure else now.leading):
+                now = dataclasses.replace(now, cause=name if sure else None, leading=name)
                 new.append({"t": t, "event": "cause"} | details(monitor, verdict))
         return now, [{key: _rounded(value) for key, value in event.items()} for event in new]
 

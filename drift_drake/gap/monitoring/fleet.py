@@ -1,60 +1,58 @@
 """Many cars and days in one model: what all cars lack, what one car lacks, what a day brings.
 
-Each day's whitened scores are normal about their information times the day's amplitudes (`evidence.whitened`). The
-amplitudes are a sum: of the fleet's, of the car's own and of the day's, most of them zero. Terms are taken in one by
-one, the one first that gains most evidence on top of those that are in, until none is more probable than not: a greedy
-search for the sparse posterior mode (compare Tipping and Faul 2003).
+Each day's whitened scores are normal about their mean by the day's amplitudes (`fleet_days`). The amplitudes are a sum
+of the fleet's, its drift, what a day brings to all cars, the car's own and its day's, most of them zero. Terms are
+taken in one by one, the one first that gains most evidence on top of those that are in, until none is more probable
+than not: a greedy search for the sparse posterior mode (compare Tipping and Faul 2003). The effects that are in are
+then laid out over cars and days (`fleet_parts`).
 """
 
 import dataclasses
-import functools
-from collections.abc import Mapping, Sequence
-from pathlib import Path
-from typing import TYPE_CHECKING, Literal, NamedTuple
+from collections.abc import Sequence
+from typing import Literal, NamedTuple
 
 import numpy as np
 
-from drift_drake.car.effects.catalogue import CATALOGUE
-from drift_drake.car.effects.magnitudes import Effects
-from drift_drake.car.log.table import InvalidLogError, case_paths, read_case, read_run
-from drift_drake.car.parameters import VehicleParameters
-from drift_drake.common.executors import ExecutorConfig, results_of
+from drift_drake.car.effects.catalogue import LIMITS
 from drift_drake.gap.estimation.prior import TWO_SIDED
-from drift_drake.gap.monitoring.baselines import block_sums
-from drift_drake.gap.monitoring.evidence import EvidenceProblem, Sums, no_sums, whitened
-from drift_drake.gap.monitoring.monitor import make_monitor
-from drift_drake.gap.monitoring.watch import WATCHED, monitor_of
+from drift_drake.gap.monitoring.evidence import EvidenceProblem
+from drift_drake.gap.monitoring.fleet_days import FleetDay
+from drift_drake.gap.monitoring.fleet_parts import Parts, parts_of
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-Folders = Mapping[tuple[str, str], Path]  # of cars and days
-Level = Literal["fleet", "car", "day"]
-PRIOR: dict[Level, float] = {"fleet": 0.5, "car": 0.2, "day": 0.1}
-"""Probability that a fleet, a car, a day has an effect at all; shared by the effects."""
+Level = Literal["fleet", "drift", "date", "car", "day"]
+PRIOR: dict[Level, float] = {"fleet": 0.5, "drift": 0.2, "date": 0.1, "car": 0.2, "day": 0.1}
+"""Probability that all cars have an effect at all, from the first day to the last, on one day; that a car has one, or a
+car on one day; shared by the effects."""
+SHARED: tuple[Level, ...] = ("fleet", "drift", "date")
 SHAPE = 0.15  # relative error of what an effect does (see `gap.diagnosis.calibrated.posterior`)
 ODD = 4.0  # standard deviations of a day's misfit beyond its expectation, from which on it is an outlier
 MOST = 200  # terms
-ALL = "all cars"
-
-
-class FleetDay(NamedTuple):
-    car: str
-    name: str
-    sums: Sums
+FLAT = 100.0  # times what is believed of an amplitude, where a day is looked at by itself
 
 
 @dataclasses.dataclass(frozen=True)
 class Term:
-    """One effect, of the fleet, of a car or of a day."""
+    """One effect, of all cars, of a car or of its day."""
 
     level: Level
-    owner: str  # "" of the fleet, a car, or CAR/DAY
+    owner: str  # "" of all cars, DAY, CAR, or CAR/DAY
     effect: str
     magnitude: float
     low: float  # 95 % interval
     high: float
     probability: float
+
+
+@dataclasses.dataclass(frozen=True)
+class Table:
+    """One effect's magnitude over cars and days, and how it is made up."""
+
+    effect: str
+    cars: tuple[str, ...]
+    days: tuple[str, ...]  # in the order of their names, which is that of time
+    magnitudes: np.ndarray  # [cars, days], NaN where a car did not drive
+    deviations: np.ndarray  # [cars, days]
+    parts: Parts
 
 
 @dataclasses.dataclass(frozen=True)
@@ -64,6 +62,7 @@ class FleetFindings:
     cars: tuple[str, ...]
     days: int
     terms: tuple[Term, ...]
+    tables: tuple[Table, ...]  # of the terms' effects, but limits
     outliers: dict[str, float]  # CAR/DAY and its misfit in standard deviations
 
 
@@ -75,12 +74,12 @@ class _Stack(NamedTuple):
 
 
 class _Choice(NamedTuple):
-    """A term that is in: a node, and the days that it acts on."""
+    """A term that is in: a node, and how much it acts on each day."""
 
     level: Level
     owner: str
     node: int
-    days: np.ndarray  # [days] bool
+    share: np.ndarray  # [days]
 
 
 def fleet_findings(problem: EvidenceProblem, days: Sequence[FleetDay]) -> FleetFindings:
@@ -91,7 +90,7 @@ def fleet_findings(problem: EvidenceProblem, days: Sequence[FleetDay]) -> FleetF
     """
     if not days:
         raise ValueError("a fleet needs at least one day")
-    raw, groups = _stacked(problem, days), _groups(days)
+    raw, groups = _Stack(np.stack([day.w for day in days]), np.stack([day.m for day in days])), _groups(days)
     stack = _tempered(problem, raw, [])
     chosen: list[_Choice] = []
     odds: list[float] = []
@@ -101,60 +100,41 @@ def fleet_findings(problem: EvidenceProblem, days: Sequence[FleetDay]) -> FleetF
             break
         chosen.append(best)
         odds.append(gain)
-        if best.level == "fleet":
-            stack = _tempered(problem, raw, [c for c in chosen if c.level == "fleet"])
+        if best.level in SHARED:
+            stack = _tempered(problem, raw, [c for c in chosen if c.level in SHARED])
     amplitude, covariance = _fit(problem, stack, chosen)
     terms = [_term(problem, c, amplitude[i], covariance[i, i], odds[i]) for i, c in enumerate(chosen)]
     left = np.sum(_residual(stack, chosen, amplitude) ** 2, axis=1)
     n = stack.w.shape[1]
     excess = (left - n) / np.sqrt(2.0 * n)
     outliers = {f"{day.car}/{day.name}": float(z) for day, z in zip(days, excess, strict=True) if z > ODD}
-    return FleetFindings(tuple(dict.fromkeys(day.car for day in days)), len(days), tuple(terms), outliers)
+    cars = tuple(dict.fromkeys(day.car for day in days))
+    return FleetFindings(cars, len(days), tuple(terms), _tables(problem, stack, days, chosen), outliers)
 
 
-def shared_columns(folders: Folders) -> tuple[str, ...]:
-    """The measured columns that all runs of a fleet have: days are compared by what the same columns show.
-
-    Raises:
-        InvalidLogError: a run cannot be used, or has no torque commands.
-    """
-    shared = list(WATCHED)
-    for folder in folders.values():
-        for path in case_paths(folder):
-            run = read_run(path)
-            if run.tau_cmd is None:
-                raise InvalidLogError(f"{path}: has no column tau_cmd, without which no run can be judged; add it")
-            shared = [name for name in shared if run.column(name) is not None]
-    return tuple(shared)
-
-
-def day_sums(folder: Path, vehicle: VehicleParameters, own: Effects, used: Sequence[str]) -> Sums:
-    """Sums over all runs of a day, each at its own rate and with its own noise."""
-    total = no_sums(len(evidence_problem_of(vehicle, own, used).nodes))
-    for run in read_case(folder):
-        for block in block_sums(monitor_of(run, vehicle, own, used), run):
-            total = Sums(*(a + b for a, b in zip(total, block, strict=True)))
-    return total
-
-
-def days_of(
-    folders: Folders, vehicle: VehicleParameters, own: Effects, used: Sequence[str],
-    run_on: ExecutorConfig | None = None,
-) -> list[FleetDay]:  # fmt: skip
-    """All days; workers, on other machines perhaps, read the same folders. Without them, one after another."""
-    job, paths = functools.partial(day_sums, vehicle=vehicle, own=own, used=used), list(folders.values())
-    sums = [job(path) for path in paths] if run_on is None else results_of(run_on, job, paths, "day")
-    return [FleetDay(car, day, total) for (car, day), total in zip(folders, sums, strict=True)]
-
-
-def evidence_problem_of(vehicle: VehicleParameters, own: Effects, used: Sequence[str]) -> EvidenceProblem:
-    """What is judged of days with these measured columns."""
-    return make_monitor(vehicle, own, used).problem
-
-
-def _stacked(problem: EvidenceProblem, days: Sequence[FleetDay]) -> _Stack:
-    recent = Sums(*(np.stack([getattr(day.sums, name) for day in days]) for name in Sums._fields))
-    return _Stack(*whitened(problem, recent, no_sums(len(problem.nodes), len(days))))
+def _tables(
+    problem: EvidenceProblem, stack: _Stack, days: Sequence[FleetDay], chosen: Sequence[_Choice]
+) -> tuple[Table, ...]:
+    """The tables of the chosen effects, all of them fitted to each day by itself."""
+    node_of = {problem.nodes[c.node].name: c.node for c in reversed(chosen)}
+    at = list(node_of.values())
+    m = stack.m[:, :, at]
+    precision = m.swapaxes(1, 2) @ m + np.diag((FLAT * problem.deviation[at]) ** -2.0)
+    covariance = np.linalg.inv(precision)
+    found = np.einsum("dij,dsj,ds->di", covariance, m, stack.w)
+    cars, names = tuple(dict.fromkeys(day.car for day in days)), tuple(sorted({day.name for day in days}))
+    out = list[Table]()
+    for i, (effect, node) in enumerate(node_of.items()):
+        if effect in LIMITS:
+            continue
+        q, variances = np.full((2, len(cars), len(names)), np.nan)
+        for k, day in enumerate(days):
+            place = cars.index(day.car), names.index(day.name)
+            q[place] = problem.nodes[node].magnitude * found[k, i]
+            variances[place] = problem.nodes[node].magnitude ** 2 * covariance[k, i, i]
+        width = abs(problem.nodes[node].magnitude) * float(problem.deviation[node])
+        out.append(Table(effect, cars, names, q, np.sqrt(variances), parts_of(q, variances, cars, names, width)))
+    return tuple(out)
 
 
 def _tempered(problem: EvidenceProblem, raw: _Stack, shared: Sequence[_Choice]) -> _Stack:
@@ -171,22 +151,27 @@ def _tempered(problem: EvidenceProblem, raw: _Stack, shared: Sequence[_Choice]) 
 
 
 def _groups(days: Sequence[FleetDay]) -> list[tuple[Level, str, np.ndarray]]:
-    """Sets of days that a term may act on."""
-    cars = np.array([day.car for day in days])
+    """Shares [days] that a term may have in each day: a drift's go from 0 on the first to 1 on the last."""
+    cars, names = np.array([day.car for day in days]), np.array([day.name for day in days])
+    ordered = sorted(set(names.tolist()))
     out: list[tuple[Level, str, np.ndarray]] = []
     if len(set(cars)) > 1:
-        out.append(("fleet", "", np.ones(len(days), dtype=bool)))
-    out += [("car", car, cars == car) for car in dict.fromkeys(cars.tolist())]
+        out.append(("fleet", "", np.ones(len(days))))
+        together = [name for name in ordered if len(set(cars[names == name])) > 1]
+        if len(together) > 1:
+            out.append(("drift", "", np.searchsorted(ordered, names) / (len(ordered) - 1.0)))
+            out += [("date", name, 1.0 * (names == name)) for name in together]
+    out += [("car", car, 1.0 * (cars == car)) for car in dict.fromkeys(cars.tolist())]
     for i, day in enumerate(days):
         if np.count_nonzero(cars == day.car) > 1:
-            out.append(("day", f"{day.car}/{day.name}", np.arange(len(days)) == i))
+            out.append(("day", f"{day.car}/{day.name}", 1.0 * (np.arange(len(days)) == i)))
     return out
 
 
 def _residual(stack: _Stack, chosen: Sequence[_Choice], amplitude: np.ndarray) -> np.ndarray:
     r = stack.w.copy()
     for c, x in zip(chosen, amplitude, strict=True):
-        r[c.days] -= x * stack.m[c.days, :, c.node]
+        r -= x * c.share[:, None] * stack.m[:, :, c.node]
     return r
 
 
@@ -194,7 +179,7 @@ def _fit(problem: EvidenceProblem, stack: _Stack, chosen: Sequence[_Choice]) -> 
     """Amplitudes of the chosen terms and their covariance."""
     columns = np.zeros((len(chosen), *stack.w.shape))
     for i, c in enumerate(chosen):
-        columns[i, c.days] = stack.m[c.days, :, c.node]
+        columns[i] = c.share[:, None] * stack.m[:, :, c.node]
     flat = columns.reshape(len(chosen), stack.w.size)
     nodes = [c.node for c in chosen]
     precision = flat @ flat.T + np.diag(1.0 / problem.deviation[nodes] ** 2)
@@ -211,50 +196,26 @@ def _best(
     information = np.einsum("dij,dij->dj", stack.m, stack.m)
     taken = {(c.level, c.owner, problem.nodes[c.node].name) for c in chosen}
     effects = np.flatnonzero(problem.member.sum(axis=1))
+    limits = np.array([node.name in LIMITS for node in problem.nodes])
     best, most = None, -np.inf
-    for level, owner, which in groups:
-        b, a = score[which].sum(axis=0), information[which].sum(axis=0)
+    for level, owner, share in groups:
+        b, a = share @ score, share**2 @ information
         precision = a + 1.0 / problem.deviation**2
         x = b / precision
         gain = 0.5 * x**2 * precision - 0.5 * np.log(precision * problem.deviation**2)
         gain += problem.log_prior + np.log(PRIOR[level])
-        gain = np.where(problem.signed | (x > 0.0), gain, -np.inf)
+        allowed = ~limits if level == "drift" else problem.signed | (x > 0.0)
+        gain = np.where(allowed, gain, -np.inf)
         for i in effects[np.argsort(-gain[effects])][:3]:
             if gain[i] > most and (level, owner, problem.nodes[i].name) not in taken:
-                best, most = _Choice(level, owner, int(i), which), float(gain[i])
+                best, most = _Choice(level, owner, int(i), share), float(gain[i])
     return best, most
 
 
 def _term(problem: EvidenceProblem, c: _Choice, amplitude: float, variance: float, log_odds: float) -> Term:
     node = problem.nodes[c.node]
     half = TWO_SIDED * float(np.sqrt(variance))
-    ends = sorted(node.magnitude_at(float(amplitude) + side * half) for side in (-1.0, 1.0))
+    at = (lambda x: node.magnitude * x) if c.level == "drift" else node.magnitude_at
+    low, high = sorted(at(float(amplitude) + side * half) for side in (-1.0, 1.0))
     probability = 1.0 / (1.0 + float(np.exp(-min(log_odds, 700.0))))
-    return Term(c.level, c.owner, node.name, node.magnitude_at(float(amplitude)), ends[0], ends[1], probability)
-
-
-def draw_fleet(found: FleetFindings) -> "Figure":
-    """Cars by effects, magnitudes in shares of their practical range.
-
-    Rows: all cars, and the cars that have something of their own; columns: effects; a cell:
-    the magnitude.
-    """
-    from matplotlib.figure import Figure  # slow to import
-
-    effects = list(dict.fromkeys(term.effect for term in found.terms)) or ["none"]
-    owners = [ALL, *dict.fromkeys(term.owner for term in found.terms if term.level != "fleet")]
-    values, labels = np.zeros((len(owners), len(effects))), {}
-    for term in found.terms:
-        at = owners.index(term.owner or ALL), effects.index(term.effect)
-        values[at] = term.magnitude / max(abs(CATALOGUE[term.effect].low), abs(CATALOGUE[term.effect].high))
-        labels[at] = f"{term.magnitude:+.3g}"
-    figure = Figure(figsize=(2.0 + 1.1 * len(effects), 1.8 + 0.35 * len(owners)), layout="constrained")
-    axes = figure.subplots()
-    image = axes.imshow(values, cmap="RdBu_r", vmin=-1.0, vmax=1.0, aspect="auto")
-    for (row, column), text in labels.items():
-        axes.text(column, row, text, ha="center", va="center", color="white" if abs(values[row, column]) > 0.6 else "k")
-    axes.set_xticks(range(len(effects)), effects, rotation=30, ha="right")
-    axes.set_yticks(range(len(owners)), owners)
-    axes.set_title(f"{len(found.cars)} cars, {found.days} days: what is missing from the simulator")
-    figure.colorbar(image, ax=axes, label="magnitude, of the practical range")
-    return figure
+    return Term(c.level, c.owner, node.name, at(float(amplitude)), low, high, probability)

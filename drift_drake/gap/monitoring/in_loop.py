@@ -130,7 +130,8 @@ class GapWatch:
         Raises:
             ValueError: a correction of a model that takes none.
         """
-        if self.policy in CORRECTING and not isinstance(model, EffectsStepModel):
+        own = model.effects if isinstance(model, EffectsStepModel) else None
+        if self.policy in CORRECTING and own is None:
             raise ValueError("a correction needs an EffectsStepModel, which takes it")
         system = builder.AddNamedSystem("monitor", GapMonitor(self.monitor))
         for name in ("measured_state", "command", "log_row"):
@@ -138,8 +139,8 @@ class GapWatch:
         trusted = system.GetOutputPort("trusted") if self.policy == "forget" else None
         watched = Watched(ports.measured_state, ports.plan, logged_ports(system), trusted=trusted)
         posterior, corrected = system.GetOutputPort("posterior"), None
-        if self.policy in CORRECTING:
-            correction = builder.AddNamedSystem("correction", GapCorrection(self.monitor))
+        if self.policy in CORRECTING and own is not None:
+            correction = builder.AddNamedSystem("correction", GapCorrection(self.monitor, own))
             for name in ("posterior", "magnitude"):
                 builder.Connect(system.GetOutputPort(name), correction.GetInputPort(name))
             builder.Connect(ports.measured_state, correction.GetInputPort("measured_state"))

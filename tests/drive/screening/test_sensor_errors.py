@@ -5,12 +5,12 @@ import dataclasses
 import numpy as np
 
 from drift_drake.car.effects.magnitudes import Effects, make_effects, measured
+from drift_drake.car.internal_states import on_the_motion
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.car.sensor_errors import SensorCorrection, corrected_reading, sensor_errors
 from drift_drake.car.step_model import NominalStepModel
 from drift_drake.drive.loop.closed_loop import ClosedLoop, ControlConfig
 from drift_drake.drive.reference.trajectory import figure_8
-from drift_drake.gap.monitoring.correction import for_model
 
 ERRORS = make_effects(
     {"gyro_bias": 0.02, "sideslip_bias": -0.03, "wheel_radius_error": 0.04, "gyro_gain_error": 0.05,
@@ -28,7 +28,7 @@ def _reading() -> np.ndarray:
 
 def test_a_reading_loses_its_sensors_errors() -> None:
     np.testing.assert_allclose(corrected_reading(_reading(), ERRORS), TRUE, rtol=1e-12)
-    assert not for_model(np.array(ERRORS)).any()
+    assert not any(on_the_motion(ERRORS))
     assert sensor_errors(ERRORS._replace(mass_error=0.1, sensor_latency=0.05)) == ERRORS
 
 

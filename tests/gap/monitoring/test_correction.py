@@ -28,6 +28,17 @@ def test_what_no_model_can_take_changes_nothing(monitor, name):
     assert not corrected(np.zeros(COUNT), monitor.labels, posterior(monitor, **{name: 1.0}), 0.1).any()
 
 
+def test_a_correction_comes_to_what_a_calibrated_car_has(monitor):
+    system = GapCorrection(monitor, make_effects({"steering_lag": 0.05, "friction_level": -0.1}))
+    context = system.CreateDefaultContext()
+    system.GetInputPort("posterior").FixValue(context, posterior(monitor, friction_level=1.0))
+    system.GetInputPort("magnitude").FixValue(context, [-0.2, -0.3, -0.1])
+    context.SetDiscreteState(system.EvalUniquePeriodicDiscreteUpdate(context))
+    found = Effects(*system.GetOutputPort("effects").Eval(context))
+    assert found.steering_lag == 0.05
+    assert found.friction_level == pytest.approx(-0.3)
+
+
 def test_the_system_holds_a_correction(monitor):
     system = GapCorrection(monitor)
     context = system.CreateDefaultContext()

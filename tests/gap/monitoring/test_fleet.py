@@ -1,27 +1,27 @@
-"""A fleet in one model: what all share, what one car has, what one day brings; from sums that are drawn here."""
+"""A fleet in one model: what all share, what one car has, what one day brings; from scores that are drawn here."""
 
 import dataclasses
 
 import numpy as np
 import pytest
 
-from drift_drake.car.effects.magnitudes import Effects
+from drift_drake.car.effects.magnitudes import Effects, make_effects
+from drift_drake.car.given_vehicle import GivenVehicle
 from drift_drake.car.log.table import write_run
 from drift_drake.car.parameters import VehicleParameters
-from drift_drake.cli.fleet import day_folders, lines
+from drift_drake.car.vehicle_file import write_vehicle
+from drift_drake.cli.fleet import day_folders
 from drift_drake.cli.main import main
 from drift_drake.common.errors import DriftDrakeError
+from drift_drake.common.run_folder import to_json
 from drift_drake.gap.monitoring.bank import make_nodes
-from drift_drake.gap.monitoring.evidence import Sums, evidence_problem
-from drift_drake.gap.monitoring.fleet import (
-    FleetDay,
-    days_of,
-    draw_fleet,
-    evidence_problem_of,
-    fleet_findings,
-    shared_columns,
-)
-from experiments.monitoring.drives import changed_drive
+from drift_drake.gap.monitoring.baselines import learn_baseline
+from drift_drake.gap.monitoring.evidence import evidence_problem
+from drift_drake.gap.monitoring.fleet import fleet_findings
+from drift_drake.gap.monitoring.fleet_days import FleetDay, Judge, days_of, shared_columns
+from drift_drake.gap.monitoring.fleet_page import lines
+from experiments.monitoring.drives import changed_double_track_drive, changed_drive
+from tests.conftest import OtherCar
 
 NODES = make_nodes(["aero_drag", "mass_error", "steering_delay", "gyro_bias", "torque_gain_error"], VehicleParameters())
 PROBLEM = evidence_problem(NODES, np.zeros(len(NODES)))
@@ -29,13 +29,12 @@ NAMES = [node.name for node in NODES]
 
 
 def day(rng: np.random.Generator, car: str, name: str, amplitudes: dict[str, float]) -> FleetDay:
-    """A day whose innovations are white about known amplitudes."""
-    g = rng.normal(size=(200, len(NODES)))
+    """A day whose scores are white about known amplitudes."""
+    m = np.linalg.qr(rng.normal(size=(200, len(NODES))))[1] * np.sqrt(len(NODES))
     truth = np.zeros(len(NODES))
     for effect, amplitude in amplitudes.items():
         truth[NAMES.index(effect)] = amplitude
-    score = g.T @ (g @ truth + rng.normal(size=len(g)))
-    return FleetDay(car, name, Sums(np.array(200.0), np.array(0.0), np.array(200.0), score, g.T @ g))
+    return FleetDay(car, name, m @ truth + rng.normal(size=len(NODES)), m)
 
 
 def fleet(shared: dict[str, float], own: dict[str, dict[str, float]], daily: dict[str, dict[str, float]]):
@@ -43,6 +42,46 @@ def fleet(shared: dict[str, float], own: dict[str, dict[str, float]], daily: dic
     days = [day(rng, f"car_{c}", f"day_{d}", shared | own.get(f"car_{c}", {}) | daily.get(f"car_{c}/day_{d}", {}))
             for c in range(6) for d in range(2)]  # fmt: skip
     return fleet_findings(PROBLEM, days)
+
+
+def drifting(cars: int, drift: float, own: float = 0.0, dates: int = 5):
+    """Cars whose drag grows by `drift` from the first day to the last, and by `own` more on the first car."""
+    rng = np.random.default_rng(5)
+    return fleet_findings(PROBLEM, [
+        day(rng, f"car_{c}", f"day_{d}", {"aero_drag": (drift + own * (c == 0)) * d / (dates - 1)})
+        for c in range(cars) for d in range(dates)
+    ])  # fmt: skip
+
+
+def test_a_common_drift_is_distinguished_from_one_cars() -> None:
+    drag = NODES[NAMES.index("aero_drag")].magnitude
+    (shared,), (own,) = drifting(5, 2.0).tables, drifting(5, 0.0, 2.0).tables
+    for table, q in ((shared, shared.parts.drift), (own, own.parts.drifts["car_0"])):
+        assert table.effect == "aero_drag"
+        assert q is not None
+        assert q.low < 2.0 * drag < q.high
+        assert q.low > 0.5 * drag
+    assert all(q.low < 0.0 < q.high for q in shared.parts.drifts.values())
+    assert own.parts.drift is not None
+    assert own.parts.drift.low < 0.0
+    assert ("drift", "") in {(term.level, term.owner) for term in drifting(5, 2.0).terms}
+
+
+def test_of_one_car_alone_nothing_is_common() -> None:
+    found = drifting(1, 2.0)
+    (table,) = found.tables
+    assert table.parts.common is None
+    assert table.parts.drift is None
+    assert not table.parts.days
+    assert table.parts.drifts["car_0"].low > 0.0
+    assert "one car alone: what all cars would have cannot be distinguished from its own" in "\n".join(lines(found))
+
+
+def test_a_batch_that_all_cars_have_is_common_and_no_cars_own() -> None:
+    (table,) = fleet({"aero_drag": 1.5}, {}, {}).tables
+    assert table.parts.common is not None
+    assert table.parts.common.low > 0.0
+    assert all(q.low < 0.0 < q.high for q in table.parts.cars.values())
 
 
 def test_shared_own_and_daily_effects_are_kept_apart():
@@ -58,7 +97,6 @@ def test_shared_own_and_daily_effects_are_kept_apart():
     assert drag.low - 0.05 < truth < drag.high + 0.05
     assert not found.outliers
     assert "all cars: aero_drag" in "\n".join(lines(found))
-    draw_fleet(found)
 
 
 def test_a_fleet_that_the_simulator_knows_lacks_nothing():
@@ -88,10 +126,28 @@ def test_days_are_compared_by_what_all_runs_have_each_at_its_own_rate(tmp_path):
     write_run(run, tmp_path / "b" / "run_1.csv")
     used = shared_columns(folders)
     assert used == ("r", "v", "omega_r", "ax", "ay")
-    vehicle, own = VehicleParameters(), Effects()
-    found = fleet_findings(evidence_problem_of(vehicle, own, used), days_of(folders, vehicle, own, used))
+    judge = Judge(GivenVehicle(VehicleParameters(), Effects()), used)
+    found = fleet_findings(judge.problem(), days_of(folders, judge))
     assert not found.terms
     assert not found.outliers
+
+
+def test_days_of_a_car_calibrated_by_prediction_are_judged_by_windows(other_car: OtherCar, tmp_path, capsys) -> None:
+    found = other_car.found
+    write_vehicle(tmp_path / "car.yaml", found.vehicle, found.effects)
+    watching = learn_baseline(other_car.runs, found.vehicle, found.effects, other_car.normal)
+    (tmp_path / "car.json").write_text(to_json({"normal": other_car.normal, "watching": watching}))
+    for car, effects in (("a", {}), ("b", {}), ("c", {"gyro_bias": 0.03})):
+        for i in range(2):
+            run = changed_double_track_drive("slalom", make_effects(effects), 0.0, 10 + i, 8.0)
+            write_run(run, tmp_path / "fleet" / car / f"day_{i}" / "run_0.csv")
+    files = ["--vehicle", str(tmp_path / "car.yaml"), "--calibration", str(tmp_path / "car.json")]
+    page = tmp_path / "fleet.html"
+    assert main(["fleet", str(tmp_path / "fleet"), *files, "--workers", "1", "--page", str(page)]) == 0
+    said = capsys.readouterr().out
+    assert "  c: gyro_bias +0.0" in said
+    assert "all cars" not in said.split("over cars and days")[0]
+    assert "<td>c</td>" in page.read_text()
 
 
 def test_mistakes_are_one_sentence(tmp_path, capsys):
@@ -138,7 +194,10 @@ def test_days_of_which_nothing_can_be_judged_are_reported(tmp_path, capsys):
     write_run(run, tmp_path / "fleet" / "b" / "run_0.csv")
     assert main(command) == 0
     reported = capsys.readouterr()
-    assert "left out, since less than 2 s can be judged: at rest, nearly so, or sideways: a/runs" in reported.err
+    assert (
+        "left out, since less than 2 s can be judged: at rest, nearly so, sideways, or harder than calibrated: a/runs"
+        in reported.err
+    )
     assert reported.out.startswith("1 cars, 1 days")
 
 

@@ -23,18 +23,20 @@ from drift_drake.gap.monitoring.windowed.monitor import WindowMonitor
 from drift_drake.gap.monitoring.windowed.null import distance, null_of
 from drift_drake.gap.monitoring.windowed.sums import (
     FEATURES,
-    LARGEST,
     KnownDriving,
     Projection,
+    WindowSums,
     familiar_of,
     features,
     no_windows,
     sums_of,
 )
+from drift_drake.gap.monitoring.windowed.temperature import LEAST, temperature_of
 
-MOST = 700  # windows of a calibration, of each recording as many, whose distance from normal is looked at
+MOST = 700  # windows of a calibration, of each recording as many, whose scores are looked at
 TYPICAL = 0.75  # quantile of these distances, beyond which a window counts less
 COLUMNS = tuple(PREDICTED)
+LARGEST = 1e6
 
 
 @dataclasses.dataclass(frozen=True)
@@ -44,12 +46,14 @@ class WindowBaseline:
     period: float  # [s] of the logs
     columns: tuple[str, ...]  # that they have, of `COLUMNS`
     cap: float  # `Null.cap`
+    temperature: float  # `Null.temperature`
     familiar: KnownDriving
 
     def as_data(self) -> dict[str, Any]:
         """Plain data, the inverse of `window_baseline_of`."""
         return {
             "period": self.period, "columns": list(self.columns), "cap": self.cap,
+            "temperature": self.temperature,
             "points": np.round(self.familiar.points, 4).tolist(), "size": self.familiar.size.tolist(),
             "limit": self.familiar.limit,
         }  # fmt: skip
@@ -65,9 +69,11 @@ def window_baseline_of(data: Mapping[str, Any]) -> WindowBaseline:
         raise ValueError(f"points must hold {len(FEATURES)} numbers each")
     if not (np.all(np.abs(points) < LARGEST) and np.all(size > 0.0) and np.all(size < LARGEST)):
         raise ValueError("points and size must be finite numbers")
-    cap, limit = (number(data[key], lambda q: 0.0 < q < LARGEST) for key in ("cap", "limit"))
+    cap, temperature, limit = (
+        number(data[key], lambda q: 0.0 < q < LARGEST) for key in ("cap", "temperature", "limit")
+    )
     return WindowBaseline(
-        number(data["period"], lambda q: 0.0 < q < 1.0), columns, cap, KnownDriving(points, size, limit)
+        number(data["period"], lambda q: 0.0 < q < 1.0), columns, cap, temperature, KnownDriving(points, size, limit)
     )
 
 
@@ -80,16 +86,19 @@ def learn_window_baseline(runs: Sequence[Run], vehicle: CarParameters, own: Effe
     if any(run.tau_cmd is None or run.beta is None for run in runs):
         raise InvalidLogError("a monitor by windows needs the columns tau_cmd and beta")
     columns = tuple(name for name in COLUMNS if all(run.column(name) is not None for run in runs))
-    everywhere = WindowBaseline(runs[0].period, columns, np.inf, KnownDriving(np.zeros((1, len(FEATURES))),
-                                np.ones(len(FEATURES)), np.inf))  # fmt: skip
+    anywhere = KnownDriving(np.zeros((1, len(FEATURES))), np.ones(len(FEATURES)), np.inf)
+    everywhere = WindowBaseline(runs[0].period, columns, np.inf, LEAST, anywhere)
     monitor = window_monitor(everywhere, normal, vehicle, own)
     windows = [windows_of(monitor, run) for run in runs]
     driving = [np.array([features(window) for window in some]) for some in windows if some]
     if not driving:
         raise InvalidLogError("no window of predictions can be judged")
     first = max(MOST // len(driving), 1)
-    found = np.concatenate([distances_of(monitor, some[:first]) for some in windows])
-    return dataclasses.replace(everywhere, cap=float(np.quantile(found, TYPICAL)), familiar=familiar_of(driving))
+    sums = [sums_of_all(monitor, some[:first]) for some in windows]
+    cap = float(np.quantile(np.concatenate([distances_of(monitor, some) for some in sums]), TYPICAL))
+    null = monitor.null._replace(cap=cap)
+    return dataclasses.replace(everywhere, cap=cap, temperature=temperature_of(monitor.problem, null, sums),
+                               familiar=familiar_of(driving))  # fmt: skip
 
 
 def windows_of(monitor: WindowMonitor, run: Run) -> list[WindowedRun]:
@@ -101,12 +110,17 @@ def windows_of(monitor: WindowMonitor, run: Run) -> list[WindowedRun]:
     return out
 
 
-def distances_of(monitor: WindowMonitor, windows: Sequence[WindowedRun]) -> np.ndarray:
+def sums_of_all(monitor: WindowMonitor, windows: Sequence[WindowedRun]) -> list[WindowSums]:
+    """The sums of each of a drive's windows."""
+    p = monitor.projection
+    return [sums_of(p, one, run_errors(one, p.constants, p.own)) for one in windows]
+
+
+def distances_of(monitor: WindowMonitor, sums: Sequence[WindowSums]) -> np.ndarray:
     """Squared distances [windows] of a drive's windows from normal, per score, each given those before."""
     p, out = monitor.projection, list[float]()
     older = no_windows(len(p.normal.names), len(p.nodes))
-    for window in windows:
-        one = sums_of(p, window, run_errors(window, p.constants, p.own))
+    for one in sums:
         out.append(distance(monitor.null, older, one))
         older = of_parts(older, one, by=np.add)
     return np.array(out)
@@ -130,7 +144,8 @@ def window_monitor(
     single = vehicle.single_track()
     nodes = [node for name in normal.names for node in effect_nodes(name, single)]
     return WindowMonitor(
-        Projection(constants, own, normal, nodes), null_of(normal, baseline.cap), baseline.familiar,
+        Projection(constants, own, normal, nodes), null_of(normal, baseline.cap, baseline.temperature),
+        baseline.familiar,
         evidence_problem(nodes, np.zeros(len(nodes))), np.array([name in baseline.columns for name in PREDICTED]),
         baseline.period, slowest(single), alarm_at(false_alarms),
         3600.0 / false_alarms,

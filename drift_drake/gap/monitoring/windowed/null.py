@@ -35,10 +35,6 @@ from drift_drake.gap.monitoring.windowed.sums import WindowSums
 BURST = 3.0  # [s] over which what the equations lack at the limit hangs together
 BURSTS = 3.0
 """By how much what tyres and body seem to be worth deviates more in a burst than on the mean of a stretch of a day."""
-TEMPERATURE = 1.2
-"""Of all evidence: what equations lack has heavier tails than a normal distribution, and a few recordings show too
-little of it. Set with `BURSTS` on a sedan of others' simulators, on its hardest drives without a change (24 of them:
-with 1.0 the highest odds were just below an alarm's at the default rate)."""
 TINY = 1e-9  # of the mean variance of scores, that a direction without any gets
 
 
@@ -51,9 +47,10 @@ class Null(NamedTuple):
     scale: float  # of the scatter of blocks
     seconds: float  # that a window stands for
     cap: float  # squared distance of one window's scores from normal, per score, beyond which they count less
+    temperature: float  # of all evidence: what equations lack has heavier tails than a normal distribution
 
 
-def null_of(normal: Normal, cap: float) -> Null:
+def null_of(normal: Normal, cap: float, temperature: float) -> Null:
     """The null distribution of a car calibrated by prediction.
 
     Partial effects' scores are left out: on a few windows they only add to what scatters.
@@ -63,7 +60,8 @@ def null_of(normal: Normal, cap: float) -> Null:
     of_effects = s._replace(covariance=s.covariance[:n, :n], information=s.information[:n], stretch=s.stretch[:n],
                             recording=s.recording[:n])  # fmt: skip
     open_yet = normal.scale * normal.left_open[:n, :n] + np.diag(of_effects.recording)
-    return Null(of_effects, normal.expected[:n], open_yet, normal.scale, START_EVERY * normal.stride, cap)
+    seconds = START_EVERY * normal.stride
+    return Null(of_effects, normal.expected[:n], open_yet, normal.scale, seconds, cap, temperature)
 
 
 def noise_of(null: Null, sums: WindowSums) -> np.ndarray:
@@ -95,7 +93,7 @@ def whitened_after(
     """
     mean, covariance = known
     total = recent.information @ covariance @ recent.information + noise_of(null, recent)
-    root = np.linalg.cholesky(_regular(TEMPERATURE * total))
+    root = np.linalg.cholesky(_regular(null.temperature * total))
     both = np.column_stack([recent.score + recent.information @ mean, -recent.shift])
     found = solve_triangular(root, both, lower=True, check_finite=False)
     return found[:, 0], found[:, 1:]
@@ -112,7 +110,7 @@ def whitened(null: Null, recent: WindowSums, older: WindowSums) -> tuple[np.ndar
 def distance(null: Null, older: WindowSums, window: WindowSums) -> float:
     """Squared distance of one window's scores from normal, per score, given the windows before it."""
     w, _ = whitened_after(null, known_after(null, older), window)
-    return float(w @ w) / len(w)
+    return null.temperature * float(w @ w) / len(w)
 
 
 def capped(null: Null, older: WindowSums, window: WindowSums) -> WindowSums:
@@ -136,7 +134,11 @@ def verdict_of(problem: EvidenceProblem, null: Null, history: History[WindowSums
     ages, recent = since(history)
     if not len(ages):
         return nothing_seen(problem)
-    w, m = whitened(null, recent, until(history))
+    return judged(problem, null, ages, *whitened(null, recent, until(history)))
+
+
+def judged(problem: EvidenceProblem, null: Null, ages: np.ndarray, w: np.ndarray, m: np.ndarray) -> Verdict:
+    """The posterior from whitened scores w [a, n] of each age [windows], and their mean m [a, n, K] by amplitudes."""
     begun = np.log(HAZARD * np.diff(ages, prepend=0.0) * null.seconds)
     return concluded(problem, w, m, begun, ages, null.seconds)
 

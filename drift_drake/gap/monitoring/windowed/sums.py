@@ -13,18 +13,18 @@ from drift_drake.car.effects.magnitudes import Effects
 from drift_drake.car.equations import CarConstants
 from drift_drake.gap.estimation.baseline import slipping_in
 from drift_drake.gap.estimation.normal import Normal
-from drift_drake.gap.estimation.scores import flat_scores, huber_weights, scaled
+from drift_drake.gap.estimation.scores import LARGEST, huber_weights
 from drift_drake.gap.estimation.unknowns import added
 from drift_drake.gap.estimation.windows import WindowedRun, regimes, run_errors
 from drift_drake.gap.monitoring.bank import Node
 
 FEATURES = ("speed", "lateral acceleration", "sideslip", "slip of the driven wheels", "least torque", "most torque")
+LOST = 100.0  # robust scales, from which on a prediction is lost
 SLIP = 3
 SLIGHT_SLIP = 0.03  # [-] of slip along the wheels, below which more of it is no other driving
 MOST = 400  # points, evenly chosen
 KNOWN = 0.97  # quantile of the distance of a calibration's own windows from its other recordings'
 APART = 15  # windows of the only recording that are not near each other, either side
-LARGEST = 1e6
 
 
 class WindowSums(NamedTuple):
@@ -49,6 +49,10 @@ class Projection(NamedTuple):
         """Errors [1, HORIZONS, channels] once an effect is added to the car."""
         return run_errors(window, self.constants, added(self.own, {name: magnitude}))
 
+    def nodes_of(self) -> list[list[int]]:
+        """Indices of each effect's nodes."""
+        return [[i for i, node in enumerate(self.nodes) if node.name == name] for name in self.normal.names]
+
 
 def no_windows(n: int, nodes: int) -> WindowSums:
     """Zeros, of n effects."""
@@ -56,19 +60,28 @@ def no_windows(n: int, nodes: int) -> WindowSums:
 
 
 def sums_of(projection: Projection, window: WindowedRun, e: np.ndarray) -> WindowSums:
-    """The sums of one window with errors e [1, HORIZONS, channels] under the calibrated car."""
+    """The sums of one window with errors e [1, HORIZONS, channels] under the calibrated car.
+
+    Errors that are clipped count less, and as much less in what a node does to them: however large an effect is, its
+    node's shift is in proportion to it. An effect with one node is linear enough for that to give its derivative.
+    """
     p, normal = projection, projection.normal
     precision, scales = normal.precision, normal.scales
-    units = zip(normal.names, normal.units, strict=True)
-    moved = [p.errors_with(window, name, float(unit)) - e for name, unit in units]
-    jacobian = np.stack([scaled(one, scales)[0] for one in moved], axis=-1)
-    projected, f = jacobian.T @ precision, flat_scores(e, scales)[0]
-    there = [flat_scores(p.errors_with(window, node.name, node.magnitude), scales)[0] for node in p.nodes]
+
+    def moved(name: str, magnitude: float) -> np.ndarray:
+        return np.clip((p.errors_with(window, name, magnitude) - e) / scales, -LOST, LOST).reshape(-1)
+
+    there = [moved(node.name, node.magnitude) for node in p.nodes]
+    jacobian = np.stack([
+        np.clip(unit / p.nodes[at[0]].magnitude * there[at[0]] if len(at) == 1 else moved(name, float(unit)),
+                -LARGEST, LARGEST)
+        for name, unit, at in zip(normal.names, normal.units, p.nodes_of(), strict=True)
+    ], axis=-1)  # fmt: skip
     weights = np.broadcast_to(huber_weights(e, scales), e.shape).reshape(-1)
-    half = np.sqrt(weights)[:, None] * jacobian
+    projected, half = (jacobian.T @ precision) * weights, np.sqrt(weights)[:, None] * jacobian
     slipping = float(slipping_in([window])[0]) - normal.slipping
-    return WindowSums(np.ones(()), np.asarray(slipping), projected @ f, half.T @ precision @ half,
-                      projected @ (np.stack(there, axis=-1) - f[:, None]))  # fmt: skip
+    return WindowSums(np.ones(()), np.asarray(slipping), projected @ (e / scales).reshape(-1),
+                      half.T @ precision @ half, projected @ np.stack(there, axis=-1))  # fmt: skip
 
 
 def features(window: WindowedRun) -> np.ndarray:

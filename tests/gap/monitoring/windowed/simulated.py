@@ -18,7 +18,7 @@ def null_of_white_scores(cap: float = np.inf) -> Null:
     """Of scores that are as white as their information says, of a car that is known exactly."""
     block = PER_BLOCK * INFORMATION
     spread = Spread(np.diag(block), block, 1.0, 10**6, np.zeros(N), np.zeros(N))
-    return Null(spread, np.zeros(N), 1e-9 * np.eye(N), 1.0, SECONDS, cap)
+    return Null(spread, np.zeros(N), 1e-9 * np.eye(N), 1.0, SECONDS, cap, 1.0)
 
 
 def window(rng: np.random.Generator, amplitudes: np.ndarray) -> WindowSums:

@@ -7,9 +7,9 @@ from scipy.stats import norm
 
 from drift_drake.gap.monitoring.evidence import HAZARD, NONE_OF_THE_CATALOGUE, alarm_at, evidence_problem
 from drift_drake.gap.monitoring.history import History, no_history, with_block
-from drift_drake.gap.monitoring.windowed import null as null_module
 from drift_drake.gap.monitoring.windowed.null import as_before, log_ratio, verdict_of
 from drift_drake.gap.monitoring.windowed.sums import WindowSums, no_windows
+from drift_drake.gap.monitoring.windowed.temperature import EXACT, LEAST, largest, scores_of, temperature_of
 from tests.gap.monitoring.windowed.simulated import INFORMATION, NODES, SECONDS, N, null_of_white_scores, window
 
 PROBLEM = evidence_problem(NODES, np.zeros(N))
@@ -17,7 +17,6 @@ PROBLEM = evidence_problem(NODES, np.zeros(N))
 
 @pytest.fixture(autouse=True)
 def white(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(null_module, "TEMPERATURE", 1.0)
     monkeypatch.setattr("drift_drake.gap.estimation.baseline.HANGS", 0.0)
     monkeypatch.setattr("drift_drake.gap.estimation.baseline.OFF_SHAPE", 0.0)
 
@@ -68,6 +67,18 @@ def test_false_alarms_come_no_more_often_than_was_asked(per_hour: float) -> None
                 break
     most = drives * seconds * per_hour / 3600.0
     assert alarms <= most + 2.0 * np.sqrt(most)
+
+
+def test_the_temperature_holds_the_statistic_of_heavy_tails_below_the_time_that_they_took() -> None:
+    """White scores keep the least one; scores that are at times three times as large need more."""
+    null, count = null_of_white_scores(), 150
+    white = drive(np.random.default_rng(8), count, count, np.zeros(N))
+    bursts = [one._replace(score=one.score * (3.0 if i % 30 < 3 else 1.0)) for i, one in enumerate(white)]
+    assert temperature_of(PROBLEM, null, [white]) == LEAST
+    found = temperature_of(PROBLEM, null, [bursts])
+    assert LEAST < found < 9.0
+    scores = scores_of(null, bursts)
+    assert largest(PROBLEM, null, scores, found) <= count * SECONDS < largest(PROBLEM, null, scores, found / EXACT)
 
 
 def test_a_change_is_found_soon_with_its_cause_and_onset() -> None:

@@ -5,7 +5,6 @@ import pytest
 
 from drift_drake.gap.estimation.baseline import Spread
 from drift_drake.gap.monitoring.history import of_parts
-from drift_drake.gap.monitoring.windowed import null as null_module
 from drift_drake.gap.monitoring.windowed.null import Null, capped, distance, known_after, noise_of, whitened_after
 from drift_drake.gap.monitoring.windowed.sums import WindowSums, no_windows
 from tests.gap.monitoring.windowed.simulated import N, null_of_white_scores, window
@@ -16,7 +15,7 @@ def null() -> Null:
     rng = np.random.default_rng(3)
     root = rng.normal(size=(N, N))
     spread = Spread(np.eye(N) + 0.1 * root @ root.T, np.full(N, 4.0), 1.5, 60, np.full(N, 0.05), np.full(N, 0.1))
-    return Null(spread, rng.normal(size=N), np.eye(N) + 0.2 * root.T @ root, 0.7, 0.2, 100.0)
+    return Null(spread, rng.normal(size=N), np.eye(N) + 0.2 * root.T @ root, 0.7, 0.2, 100.0, 1.3)
 
 
 def some(seed: int, windows: int) -> WindowSums:
@@ -35,7 +34,7 @@ def test_later_windows_are_judged_given_the_earlier_ones(null: Null) -> None:
     mean = stacked @ null.mean
     gain = joint[N:, :N] @ np.linalg.inv(joint[:N, :N])
     off = recent.score - mean[N:] - gain @ (older.score - mean[:N])
-    covariance = null_module.TEMPERATURE * (joint[N:, N:] - gain @ joint[:N, N:])
+    covariance = null.temperature * (joint[N:, N:] - gain @ joint[:N, N:])
     w, m = whitened_after(null, known_after(null, older), recent)
     assert w @ w == pytest.approx(off @ np.linalg.solve(covariance, off), rel=1e-6)
     np.testing.assert_allclose(m.T @ w, -recent.shift.T @ np.linalg.solve(covariance, off), rtol=1e-6)

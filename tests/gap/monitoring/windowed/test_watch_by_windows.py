@@ -78,6 +78,18 @@ def test_the_sums_of_a_drives_windows_are_those_of_a_day(monitor: WindowMonitor,
     np.testing.assert_allclose((total / scale)[fast], (expected / scale)[fast], atol=0.1)
 
 
+def test_an_effect_far_beyond_normal_errors_shifts_the_scores_in_proportion(
+    monitor: WindowMonitor, other_car: OtherCar
+) -> None:
+    """A gyroscope's bias of ten normal errors and more, which are clipped at four: its size is what the scores say."""
+    run, p, bias = other_car.runs[0], monitor.projection, 0.08
+    (k,) = (i for i, node in enumerate(p.nodes) if node.name == "gyro_bias")
+    windows = windows_of(monitor, dataclasses.replace(run, r=run.r + bias))
+    sums = [sums_of(p, window, run_errors(window, p.constants, p.own)) for window in windows[:10]]
+    score, shift = np.sum([one.score for one in sums], axis=0), np.sum([one.shift[:, k] for one in sums], axis=0)
+    assert -p.nodes[k].magnitude * (shift @ score) / (shift @ shift) == pytest.approx(bias, rel=0.1)
+
+
 def test_late_steering_is_reported_with_its_onset_and_rivals(files: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert watch(files, "late", "--json", "-") == 0
     events = [json.loads(line) for line in capsys.readouterr().out.splitlines()]

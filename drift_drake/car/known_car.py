@@ -1,12 +1,22 @@
-"""What a controller plans with that knows the car: the one-step model of its equations and effects."""
+"""A car of either kind as a plant, and as what a controller plans with that knows it: a model of one step."""
 
 from drift_drake.car.double_track.parameters import DoubleTrackParameters
+from drift_drake.car.double_track.plant import DoubleTrackPlant
 from drift_drake.car.double_track.step_model import DoubleTrackStepModel
 from drift_drake.car.effects.magnitudes import Effects
 from drift_drake.car.internal_states import planned_with
 from drift_drake.car.parameters import CarParameters
 from drift_drake.car.single_track.effects_step import EffectsStepModel
+from drift_drake.car.single_track.path_plant import CurvedPath, PathPlant
+from drift_drake.car.single_track.plant import VehiclePlant
 from drift_drake.car.step_model import STEP
+
+
+def plant_of_car(car: CarParameters, effects: Effects, path: CurvedPath | None) -> PathPlant:
+    """Its plant, on a path or on none."""
+    if isinstance(car, DoubleTrackParameters):
+        return DoubleTrackPlant(car, effects, path)
+    return VehiclePlant(car, effects, path)
 
 
 def known_car_model(

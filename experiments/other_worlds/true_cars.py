@@ -11,12 +11,11 @@ from drift_drake.car.effects.catalogue import OFF_THE_MOTION
 from drift_drake.car.effects.magnitudes import Effects
 from drift_drake.car.foreign.stepped_plant import SteppedCar, SteppedPlant
 from drift_drake.car.internal_states import planned_with
-from drift_drake.car.known_car import known_car_model
+from drift_drake.car.known_car import known_car_model, plant_of_car
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.car.single_track.path_plant import CurvedPath, PathPlant
 from drift_drake.car.step_model import StepModel
 from drift_drake.common.errors import InvalidOptionError, MissingExtraError
-from drift_drake.drive.loop.car import plant_of_car
 from experiments.other_worlds.brush_car import BrushCar
 from experiments.other_worlds.brush_drifters import draw_drifter
 from experiments.other_worlds.brush_plant import BrushPlant

@@ -5,10 +5,10 @@ from pathlib import Path
 
 import pytest
 
+from drift_drake.car.car_file import read_car
 from drift_drake.car.effects.magnitudes import Effects
 from drift_drake.car.log.table import read_case
 from drift_drake.car.parameters import VehicleParameters
-from drift_drake.car.vehicle_file import read_vehicle
 from drift_drake.drive.learnt.checkpoint import load_model
 from drift_drake.gap.choose.choice import Choice, Findings
 from drift_drake.gap.choose.identified import IdentifiedCar
@@ -41,5 +41,5 @@ def test_a_car_of_another_program_is_gathered_drifted_and_diagnosed(
     assert "| figure_8 | completed | 100% |" in printed
     assert "Not diagnosed" not in printed
     assert len(read_case(folder / "logs" / "lane")) == len(read_case(folder / "logs" / "drifts")) == 2
-    read_vehicle(folder / "corrected.yaml")
+    read_car(folder / "corrected.yaml")
     assert {"replay.html", "overhead.png", "report.md"} <= {path.name for path in folder.iterdir()}

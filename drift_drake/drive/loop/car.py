@@ -2,24 +2,15 @@
 
 from pydrake.systems.framework import Diagram, DiagramBuilder, OutputPort
 
-from drift_drake.car.double_track.parameters import DoubleTrackParameters
-from drift_drake.car.double_track.plant import DoubleTrackPlant
 from drift_drake.car.effects.delays import check_causal, command_delays
 from drift_drake.car.effects.magnitudes import Effects
+from drift_drake.car.known_car import plant_of_car
 from drift_drake.car.parameters import CarParameters
 from drift_drake.car.sensors import PARTS, NoiseLevels, Sensors, TransportDelay
 from drift_drake.car.single_track.motion import INPUTS
 from drift_drake.car.single_track.path_plant import PLANT_STATES, CurvedPath, PathPlant
-from drift_drake.car.single_track.plant import VehiclePlant
 from drift_drake.car.vehicle_file import check_effects, check_plausible
 from drift_drake.common.selector import select_signals
-
-
-def plant_of_car(car: CarParameters, effects: Effects, path: CurvedPath | None) -> PathPlant:
-    """The plant of a car of any kind."""
-    if isinstance(car, DoubleTrackParameters):
-        return DoubleTrackPlant(car, effects, path)
-    return VehiclePlant(car, effects, path)
 
 
 class Car(Diagram):

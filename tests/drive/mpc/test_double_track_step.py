@@ -16,10 +16,9 @@ from drift_drake.car.double_track.step_model import OWN_SCALE, DoubleTrackStepMo
 from drift_drake.car.double_track.stepping import SIZE
 from drift_drake.car.effects.magnitudes import Effects
 from drift_drake.car.internal_states import InternalStateObserver
-from drift_drake.car.known_car import known_car_model
+from drift_drake.car.known_car import known_car_model, plant_of_car
 from drift_drake.car.parameters import InvalidVehicleError, VehicleParameters
 from drift_drake.car.step_model import STATE_SCALE, STEP, NominalStepModel, StepModel, block_scale
-from drift_drake.drive.loop.car import plant_of_car
 from drift_drake.drive.loop.closed_loop import ClosedLoop, ControlConfig
 from drift_drake.drive.loop.metrics import RunMetrics
 from drift_drake.drive.reference.trajectory import figure_8

@@ -12,7 +12,7 @@ export OPENBLAS_NUM_THREADS := 1
 # Kept bytecode: without it every worker, and every command under test, compiles all sources anew.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: help docs docs-version pictures commands demo blind test test-python test-slow fuzz lint format clean
+.PHONY: help docs docs-version pictures workbench-picture commands demo blind test test-python test-slow fuzz lint format clean
 
 help:
 	@echo "make demo       gather, adapt, drift, diagnose: one page, runs/demo-.../index.html"
@@ -25,6 +25,7 @@ help:
 	@echo "make docs       the documentation, into build/site"
 	@echo "make docs-version  the documentation of the newest tag's version, next to those before, onto the branch gh-pages"
 	@echo "make pictures   the documentation's drawings, its animation of a diagnosis, its pages as a phone shows them (Chromium)"
+	@echo "make workbench-picture  the workbench's page in the documentation, by the test of the whole way (minutes)"
 	@echo "make lint       linters of code, spelling and prose, and the type checker, alone"
 	@echo "make format     rewrite the sources in the house's format"
 	@echo "make clean      remove the virtual environment and all caches"
@@ -95,6 +96,9 @@ lint: .venv/installed-all
 	$(BIN)/codespell drift_drake tests experiments examples diagrams docs $(PROSE)
 	$(BIN)/proselint --config .proselintrc.json check $(PROSE)
 	$(BIN)/mypy
+
+workbench-picture: .venv/installed-all
+	PICTURE=docs/how_to/workbench.png $(BIN)/python -m pytest tests/app/test_whole_way.py
 
 format: .venv/installed-all
 	$(BIN)/ruff check --fix .

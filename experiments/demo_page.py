@@ -8,7 +8,6 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-import jinja2
 import pandas as pd
 from markupsafe import Markup
 from matplotlib.figure import Figure
@@ -21,8 +20,8 @@ from drift_drake.common.safe_files import write_text
 from drift_drake.drive.reference.trajectory import figure_8
 from drift_drake.gap.diagnosis.answers.apply import corrected_vehicle
 from drift_drake.gap.diagnosis.likelihood.diagnose import Diagnosis
-from drift_drake.view.pages import page as pages
 from drift_drake.view.pages.policy import with_policy
+from drift_drake.view.pages.templates import templates
 from drift_drake.view.pictures.overhead import overhead
 from drift_drake.view.pictures.replay import replay
 from drift_drake.view.pictures.time_series import side_by_side, time_series
@@ -114,9 +113,7 @@ def write_page(
         written(lambda path: replay(replayed, path, parameters=parameters, title=name, camera="follow",
                                     note=f"Simulated cars start from the real one every {RESTART:g} s.")),
     ]  # fmt: skip
-    loader = jinja2.FileSystemLoader([TEMPLATE.parent, pages.FOLDER])
-    environment = jinja2.Environment(loader=loader, autoescape=True, undefined=jinja2.StrictUndefined)
-    page = environment.get_template(TEMPLATE.name).render(
+    page = templates(TEMPLATE.parent).get_template(TEMPLATE.name).render(
         config=config,
         numbers=numbers,
         names=NAMES,

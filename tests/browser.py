@@ -85,3 +85,33 @@ def check_charts(*paths):
         assert page["charts"]
         for chart in page["charts"]:
             assert 1 <= chart["axes"] <= chart["drawn"]
+
+
+NAMELESS = """[...document.querySelectorAll("a[href], button, input, select, summary, textarea, [tabindex]")]
+  .filter(e => !e.closest("[inert]") && !(e.ariaLabel || e.textContent.trim() || e.labels?.length))
+  .map(e => e.outerHTML)"""
+DARK = """Math.max(...getComputedStyle(document.documentElement).backgroundColor.match(/\\d+/g).map(Number)) < 90"""
+
+
+def check_looks(browser, *paths, wait=500):
+    """Pages in both schemes and widths: dark where asked, no overflow, names for what has the focus, nothing loaded.
+
+    Args:
+        browser: the fixture; wait: for scripts [ms].
+    """
+    for path in paths:
+        for width in WIDTHS:
+            for scheme in ("light", "dark"):
+                page = browser.new_page(viewport={"width": width, "height": 900}, color_scheme=scheme)
+                wrong = []
+                page.on("console", lambda m, to=wrong: to.append(m.text) if m.type == "error" else None)
+                page.on("pageerror", lambda error, to=wrong: to.append(str(error)))
+                page.on("request", lambda r, to=wrong: to.append(r.url) if r.url.startswith(("http", "ws")) else None)
+                page.goto(path.as_uri())
+                page.wait_for_timeout(wait)
+                assert wrong == []
+                assert page.evaluate("document.documentElement.lang") == "en"
+                assert page.evaluate("document.documentElement.scrollWidth - innerWidth") <= 0
+                assert page.evaluate(NAMELESS) == []
+                assert page.evaluate(DARK) == (scheme == "dark")
+                page.close()

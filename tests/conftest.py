@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from browser import BROWSER
 
 from drift_drake.car.log.table import Run
 from drift_drake.car.parameters import VehicleParameters
@@ -124,3 +125,15 @@ def undrawn(monkeypatch):
 def model():
     """The shipped model."""
     return load_model()
+
+
+@pytest.fixture(scope="module")  # while it is open, a test of its module cannot run an event loop of its own
+def browser():
+    """Chromium, driven by playwright."""
+    playwright = pytest.importorskip("playwright.sync_api", reason="a real browser is driven by playwright")
+    if BROWSER is None:
+        pytest.skip("no Chromium on this machine: apt install chromium")
+    with playwright.sync_playwright() as driver:
+        chromium = driver.chromium.launch(executable_path=BROWSER, args=["--no-sandbox", "--enable-unsafe-swiftshader"])
+        yield chromium
+        chromium.close()

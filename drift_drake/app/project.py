@@ -13,9 +13,9 @@ from typing import Any
 import filelock
 import yaml
 
-from drift_drake.car.log.table import run_paths
+from drift_drake.car.log.table import IMPORT_REPORT, run_paths
 from drift_drake.common.errors import DriftDrakeError, shown
-from drift_drake.common.plain_files import LARGEST_YAML, parse_yaml, read_text
+from drift_drake.common.plain_files import LARGEST_YAML, parse_yaml, read_json, read_text
 from drift_drake.common.safe_files import write_text
 from drift_drake.gap.logs.importing.formats.known_formats import ENDINGS
 
@@ -71,23 +71,27 @@ class Project:
             yield data
             write_text(self.folder / FILE, yaml.safe_dump(data, sort_keys=False, allow_unicode=True))
 
-    def mapping(self) -> dict[str, Any] | None:
-        """What the mapping file holds, None where there is none yet; raises InvalidProjectError where it is no YAML."""
-        path = self.folder / MAPPING
+    def mapping(self, name: str = MAPPING) -> dict[str, Any] | None:
+        """What a mapping file holds, None where there is none yet; raises InvalidProjectError where it is no YAML."""
+        path = self.folder / name
         if not path.exists():
             return None
         data = parse_yaml(read_text(path, InvalidProjectError, "write a mapping", LARGEST_YAML), InvalidProjectError,
-                          MAPPING, "write 'name: value' lines")  # fmt: skip
+                          name, "write 'name: value' lines")  # fmt: skip
         if not isinstance(data, dict):
-            raise InvalidProjectError(f"{MAPPING}: must hold 'name: value' lines; take it away to begin anew")
+            raise InvalidProjectError(f"{name}: must hold 'name: value' lines; take it away to begin anew")
         return data
 
-    def change_mapping(self, change: Callable[[dict[str, Any]], None]) -> None:
-        """Changes what the mapping file holds at that moment."""
+    def change_mapping(self, change: Callable[[dict[str, Any]], None], name: str = MAPPING) -> None:
+        """Changes what a mapping file holds at that moment."""
         with filelock.FileLock(self.folder / ".project.lock"):
-            data = self.mapping() or {"clocks": {}, "signals": {}}
+            data = self.mapping(name) or {"clocks": {}, "signals": {}}
             change(data)
-            write_text(self.folder / MAPPING, mapping_text(data))
+            write_text(self.folder / name, mapping_text(data))
+
+    def mapping_of(self, day: str, data: dict[str, Any] | None = None) -> str:
+        """The mapping file of a day's recordings: the one that days share, unless it has its own."""
+        return f"mapping {day}.yaml" if self.day(day, data).get("own_mapping") else MAPPING
 
     def recordings(self) -> list[str]:
         """Files of the folder that look like recordings, by their paths within it."""
@@ -114,7 +118,7 @@ class Project:
         return days
 
     def day(self, day: str, data: dict[str, Any] | None = None) -> dict[str, Any]:
-        """What is said of a day: `start`, `end` [s], `baseline`."""
+        """What is said of a day: `start`, `end` [s], `baseline`, `accepted`, `own_mapping`."""
         found = (data or self.read())["days"].get(day)
         return found if isinstance(found, dict) else {}
 
@@ -122,6 +126,14 @@ class Project:
         """Files of a day's runs, by their paths within the folder."""
         folder = self.folder / "logs" / day
         return [path.relative_to(self.folder) for path in run_paths(folder)] if folder.is_dir() else []
+
+    def names(self, day: str) -> dict[str, str]:
+        """What a day's runs are called: the recording that each is of, by its file's name without the ending."""
+        path = self.folder / "logs" / day / IMPORT_REPORT
+        runs = read_json(path, InvalidProjectError, "import the day again").get("runs", []) if path.exists() else []
+        return {
+            f"run_{k}": f"{run['recording']}, {run['start']:.0f} to {run['end']:.0f} s" for k, run in enumerate(runs)
+        }
 
     def digest(self, paths: Iterable[str | Path], more: object = "") -> str:
         """Of files' contents and of what else a step depends on; files that are not there count as such."""

@@ -10,6 +10,7 @@ import numpy as np
 
 from drift_drake.common.arrays import Array
 from drift_drake.common.errors import DriftDrakeError
+from drift_drake.view.pages.charts import decimated
 
 if TYPE_CHECKING:  # slow to import: the workbench opens before they are
     from drift_drake.gap.logs.importing.formats.topics import Topic
@@ -19,21 +20,6 @@ KEPT = 2  # recordings whose columns stay in memory
 MOST_THUMBS = 60
 POINTS = 120  # of a thumbnail, across
 GAP = 5.0  # usual steps of a clock
-
-
-def decimated(t: Array, values: Array, points: int) -> tuple[Array, Array]:
-    """At most about so many samples of a signal [n], least and largest of each part, so that no peak is lost."""
-    if len(t) <= points:
-        return t, values
-    edges = np.linspace(0, len(t), max(points // 2, 1) + 1).astype(int)[:-1]
-    size = np.diff(np.append(edges, len(t)))
-    held = np.where(np.isfinite(values), values, np.nan)
-    low = np.fmin.reduceat(held, edges)
-    high = np.fmax.reduceat(held, edges)
-    middle = t[edges + size // 2]
-    rising = held[np.minimum(edges + size - 1, len(t) - 1)] >= held[edges]
-    first, second = np.where(rising, low, high), np.where(rising, high, low)
-    return np.repeat(middle, 2), np.column_stack([first, second]).ravel()
 
 
 @dataclasses.dataclass(frozen=True)

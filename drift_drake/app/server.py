@@ -19,6 +19,8 @@ FRAMED = (
     "worker-src blob:; frame-src blob:; frame-ancestors 'self'"
 )
 
+PATIENCE = 60.0  # [s] that a window may be without an answer, on a machine that is busy, before it is forgotten
+
 
 def bound(port: int) -> socket.socket:
     """A socket on loopback; port 0: a free one.
@@ -87,7 +89,7 @@ def serve(folder: Path, port: int, ready: Callable[[str], None]) -> None:
 
     add_pages(project, readings, jobs)
     ui.run_with(site, title="drift_drake", dark=None, language="en-US", tailwind=False, favicon=FAVICON,
-                show_welcome_message=False)  # fmt: skip
+                show_welcome_message=False, reconnect_timeout=PATIENCE)  # fmt: skip
     config = uvicorn.Config(Guard(site, token, number), log_level="error", ws_max_size=1 << 22, lifespan="on",
                             timeout_graceful_shutdown=1)  # fmt: skip
     listening.listen()

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from drift_drake.app.project import CALIBRATED, CALIBRATION, CALIBRATION_REPORT, CAR, MAPPING, Project
+from drift_drake.app.project import CALIBRATED, CALIBRATION, CALIBRATION_REPORT, CAR, Project
 from drift_drake.car.log.table import IMPORT_REPORT
 
 DAY = re.compile(r"[^\W_][\w .-]{0,39}")  # what a day may be called: it is a folder's name
@@ -100,11 +100,12 @@ class Stage:
 def import_day(project: Project, day: str, data: dict[str, Any]) -> Stage:
     """A day's recordings to runs."""
     recordings, given, out = project.days(data).get(day, []), project.day(day, data), f"logs/{day}"
-    words = ["import", *recordings, "--mapping", MAPPING, "--out", out]
+    mapping = project.mapping_of(day, data)
+    words = ["import", *recordings, "--mapping", mapping, "--out", out]
     for name in ("start", "end"):
         if given.get(name) is not None:
             words += [f"--{name}", f"{given[name]:g}"]
-    return Stage(project, f"import {day}", f"the import of {day}", words, [*recordings, MAPPING],
+    return Stage(project, f"import {day}", f"the import of {day}", words, [*recordings, mapping],
                  [f"{out}/{IMPORT_REPORT}"], replaces=out)  # fmt: skip
 
 

@@ -14,14 +14,11 @@ from drift_drake.car.log.table import run_paths
 from drift_drake.common.errors import InvalidOptionError, significant
 from drift_drake.common.interruption import ended_at_once
 from drift_drake.common.plain_files import check_file
-from drift_drake.common.safe_files import try_outputs
-from drift_drake.common.standard_output import said_to, write_results
+from drift_drake.common.safe_files import try_outputs, write_text
+from drift_drake.common.standard_output import command_line, said_to, write_results
 
 if TYPE_CHECKING:
     from drift_drake.gap.diagnosis.check.check import Checked
-
-UNITS = {"speed": "m/s", "lateral acceleration": "m/s^2", "sideslip": "rad", "steering": "rad",
-         "steering rate": "rad/s"}  # fmt: skip
 
 
 @dataclasses.dataclass(frozen=True)
@@ -52,6 +49,8 @@ class Check:
     missing, and what more recordings would bring."""
     json: Path | None = None
     """Where to write all of it as JSON (-: standard output)."""
+    report: Path | None = None
+    """Where to write an HTML report: what is used, how it was driven, what it would show."""
     workers: int = 2
     """Threads."""
 
@@ -62,7 +61,7 @@ def run_check(command: Check) -> None:
     if command.vehicle is not None:
         read_car(command.vehicle)
     inputs = [path for path in (command.vehicle, command.calibration, *run_paths(command.logs)) if path is not None]
-    try_outputs({"--json": command.json}, inputs)
+    try_outputs({"--json": command.json, "--report": command.report}, inputs)
     with ended_at_once():
         from drift_drake.gap.diagnosis.check.check import check
 
@@ -72,14 +71,24 @@ def run_check(command: Check) -> None:
     )  # fmt: skip
     print("\n".join(sentences(checked)), file=said_to(command.json))
     write_results(command.json, checked)
+    if command.report is not None:
+        from drift_drake.car.log.given import logs_given
+        from drift_drake.gap.diagnosis.check.check_report import report_html
+        from drift_drake.view.pages.page import Source
+
+        car = None if command.vehicle is None else read_car(command.vehicle)[0]
+        source = Source(command_line("check", command, "logs"), command.logs, command.vehicle, command.calibration)
+        write_text(command.report, report_html(checked, logs_given(command.logs).runs, car, source))
 
 
 def sentences(checked: "Checked") -> list[str]:
     """What is said of it, a line each."""
+    from drift_drake.gap.logs.screening.screened import REACHED_UNITS
+
     total = sum(run.seconds for run in checked.runs)
     lines = [f"{checked.case}: {len(checked.runs)} run{'s' if len(checked.runs) > 1 else ''}, {total:.1f} s"]
     for run in checked.runs:
-        far = ", ".join(f"{name} {value:.3g} {UNITS[name]}" for name, value in run.reached.items())
+        far = ", ".join(f"{name} {value:.3g} {REACHED_UNITS[name]}" for name, value in run.reached.items())
         lines.append(f"  {run.name}: {run.seconds:.1f} s at {run.rate:.4g} Hz; up to {far}")
     levels: dict[str, list[float]] = {}
     for run in checked.runs:

@@ -13,7 +13,7 @@ from drift_drake.common.errors import InvalidOptionError
 from drift_drake.common.interruption import ended_at_once
 from drift_drake.common.run_folder import write_json
 from drift_drake.common.safe_files import alone_in, try_outputs, write_table, writing_together
-from drift_drake.common.standard_output import said_to, write_results, write_text
+from drift_drake.common.standard_output import command_line, said_to, write_results, write_text
 from drift_drake.gap.logs.importing.known import is_path_only
 from drift_drake.gap.logs.importing.mapping import RecorderMapping, read_mapping
 
@@ -61,6 +61,8 @@ class Import:
     """Leave out what lies after."""
     trust: tuple[str, ...] = ()
     """Columns of the log to take as they are, however large: r of a car that does turn that fast."""
+    report: Path | None = None
+    """Where to write an HTML report: signals, and what columns say of each other."""
     json: Path | None = None
     """Where to write the report, with --look what the file holds, as JSON (-: standard output); the report is in
     OUT/import.json too."""
@@ -84,11 +86,13 @@ def run_import(command: Import) -> None:
             "--mapping and --out are needed to import; 'drift-drake import --look FILE' prints a first mapping"
         )
     mapping = read_mapping(command.mapping)
-    try_outputs({"--json": command.json}, [command.mapping, *command.recordings])
+    try_outputs({"--json": command.json, "--report": command.report}, [command.mapping, *command.recordings])
     with ended_at_once():
         from drift_drake.gap.logs.importing.import_logs import check_asked, import_logs
 
     if is_path_only(mapping):
+        if command.report is not None:
+            raise InvalidOptionError("--report is of a log; of positions alone there is none")
         with alone_in(command.out):
             check_asked(command.out, command.start, command.end, command.trust)
             _import_paths(command, mapping, command.out)
@@ -101,6 +105,12 @@ def run_import(command: Import) -> None:
     print(summary(imported.report), file=said_to(command.json))
     if command.json is not None:
         write_text(command.json, (command.out / IMPORT_REPORT).read_text(encoding="utf-8"))
+    if command.report is not None:
+        from drift_drake.gap.logs.importing.import_report import report_html
+        from drift_drake.view.pages.page import Source
+
+        source = Source(command_line("import", command, "recordings"), command.out)
+        write_text(command.report, report_html(imported, command.out.name, source))
 
 
 def _import_paths(command: Import, mapping: RecorderMapping, out: Path) -> None:

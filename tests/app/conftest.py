@@ -9,9 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.browser import BROWSER
-
-WAIT = 60.0  # [s]
+WAIT = 90.0  # [s]
 
 
 class Workbench:
@@ -41,11 +39,13 @@ class Workbench:
 class Window:
     """A window of the browser on a workbench."""
 
-    def __init__(self, browser, workbench, width=1280, scheme="light") -> None:
-        self.context = browser.new_context(viewport={"width": width, "height": 900}, color_scheme=scheme)
+    def __init__(self, browser, workbench, width=1280, scheme="light", height=900, scale=1.0) -> None:
+        self.context = browser.new_context(
+            viewport={"width": width, "height": height}, color_scheme=scheme, device_scale_factor=scale
+        )
         self.page = self.context.new_page()
         self.page.set_default_timeout(1000.0 * WAIT)
-        self.folder, self.site, self.wrong = workbench.folder, workbench.site, []
+        self.workbench, self.folder, self.site, self.wrong = workbench, workbench.folder, workbench.site, []
         self.page.on("console", lambda m: self.wrong.append(m.text) if m.type == "error" else None)
         self.page.on("pageerror", lambda error: self.wrong.append(str(error)))
         self.page.on("request", lambda request: self._asked(request.url))
@@ -65,21 +65,10 @@ class Window:
         return self.page.evaluate("document.documentElement.scrollWidth - innerWidth")
 
 
-@pytest.fixture(scope="session")
-def browser():
-    playwright = pytest.importorskip("playwright.sync_api", reason="a real browser is driven by playwright")
-    pytest.importorskip("nicegui", reason="the workbench needs the extra `app`")
-    if BROWSER is None:
-        pytest.skip("no Chromium on this machine: apt install chromium")
-    with playwright.sync_playwright() as driver:
-        chromium = driver.chromium.launch(executable_path=BROWSER, args=["--no-sandbox"])
-        yield chromium
-        chromium.close()
-
-
 @pytest.fixture
 def window(browser):
     """Makes windows, which are closed in the end; nothing may be wrong in any."""
+    pytest.importorskip("nicegui", reason="the workbench needs the extra `app`")
     opened = []
 
     def new(workbench, **options):

@@ -133,6 +133,7 @@ def test_two_windows_keep_each_others_edits_and_see_them(workbench, window):
     other.page.get_by_role("heading", name="tuesday", exact=True).wait_for()
     other.page.get_by_label("calibrate on tuesday").check()
     one.page.locator("input[aria-label='calibrate on tuesday']:checked").wait_for()
+    other.page.wait_for_timeout(2000)  # until it is drawn anew too: nobody types so fast
     other.page.get_by_label(f"{DAY}{HOSTILE}").fill("")
     other.page.keyboard.press("Enter")
     one.page.get_by_role("heading", name="tuesday", exact=True).wait_for(state="detached")

@@ -1,7 +1,7 @@
 """The whole way in a browser: from a dropped `.mat` of a car made here to its corrected simulator, without a terminal.
 
 The files are the command line's, but for when an answer was computed. With PICTURE=check.png the check's page is
-photographed.
+photographed (`make workbench-picture`).
 """
 
 import json
@@ -17,7 +17,7 @@ from drift_drake.car.effects.magnitudes import make_effects
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.car.vehicle_file import read_vehicle, write_vehicle
 from drift_drake.cli.main import main
-from tests.app.conftest import Workbench
+from tests.app.conftest import Window, Workbench
 
 pytestmark = pytest.mark.slow
 CAR = VehicleParameters(mass=1480.0, yaw_inertia=2100.0, front_axle_distance=1.15, rear_axle_distance=1.45)
@@ -121,7 +121,23 @@ def car(one):
     page.get_by_text("day 1 is good enough to calibrate a car on").wait_for()
     page.locator(".clouds .js-plotly-plot .scatterlayer").nth(3).wait_for()
     if picture := os.environ.get("PICTURE"):
-        page.screenshot(path=picture, full_page=True)
+        photograph(one, Path(picture))
+
+
+def photograph(one, path):
+    """The check's page as a phone shows it, in few colours."""
+    from PIL import Image
+
+    narrow = Window(one.context.browser, one.workbench, width=480, scale=1.5, height=1240)
+    narrow.go("Check")
+    narrow.page.locator(".clouds .js-plotly-plot .scatterlayer").nth(1).wait_for()
+    narrow.page.wait_for_timeout(3000)
+    left_out = ".command, details, .fields, .bars > div:nth-child(n + 5)"
+    narrow.page.evaluate(f"for (const one of document.querySelectorAll('{left_out}')) one.remove()")
+    narrow.page.evaluate("document.querySelector('h1').scrollIntoView()")
+    narrow.page.screenshot(path=path)
+    narrow.context.close()
+    Image.open(path).convert("RGB").quantize(48).save(path, optimize=True)
 
 
 def calibrate(one):

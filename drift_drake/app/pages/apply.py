@@ -24,9 +24,11 @@ def apply_page(project: Project, _readings: Recordings, jobs: Jobs, data: dict[s
             if (project.folder / stage.outputs[0]).exists():
                 _difference(project, stages.believed(data)[0], stage.outputs[0])
                 text("h3", "Replay")
+                names = project.names(day)
                 for path in project.runs(day):
                     again = stages.replay(project, day, path.name, data)
-                    run_button(again, jobs, data, f"Replay {path.name.split('.')[0]}")
+                    name = path.name.split(".")[0]
+                    run_button(again, jobs, data, f"Replay {names.get(name, name)}")
                     saying(again, data, "Errors of both cars")
                     if again.state(data) == "done":
                         frame_of(again.outputs[0], f"Replay of {path.name}")

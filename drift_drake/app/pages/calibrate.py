@@ -6,7 +6,7 @@ from typing import Any, get_args
 from drift_drake.app import stages
 from drift_drake.app.jobs import Jobs
 from drift_drake.app.looks import predicted
-from drift_drake.app.pages.figures import MEASURED, RUNS, Chart
+from drift_drake.app.pages.figures import Chart
 from drift_drake.app.pages.parts import (
     box,
     button,
@@ -49,11 +49,15 @@ def calibrate_page(project: Project, _readings: Recordings, jobs: Jobs, data: di
     with section("Measured against both cars"):
         text("p", "The simulated cars are put back onto the real one every second. Drag in the picture to zoom, double "
              "click to see all.", "note")  # fmt: skip
-        runs = [str(path) for day in project.days(data) for path in project.runs(day)]
-        place = box("div")
-        with box("div", "run"):
-            for path in runs:
-                button(path.removeprefix("logs/"), partial(_predict, project, path, data, place), label=f"Show {path}")
+        place, fitted = box("div"), stages.baseline(project, data)
+        for day in project.days(data):
+            names = project.names(day)
+            with box("div", "run"):
+                text("span", f"{day}, {'calibrated on' if day in fitted else 'for validation: not calibrated on'}:")
+                for path in project.runs(day):
+                    name = path.name.split(".")[0]
+                    button(names.get(name, name), partial(_predict, project, str(path), data, place),
+                           label=f"Show {path}")  # fmt: skip
     with section("Report"):
         frame_of(CALIBRATION_REPORT, "Report of the calibration")
     text("p", "Next: Diagnose.", "note")
@@ -91,7 +95,7 @@ async def _predict(project: Project, path: str, data: dict[str, Any], place: Any
     found = await quietly(_predicted, project.folder / path, *cars)
     place.clear()
     with place:
-        draw_predictions(found, path, {"nominal": "first guess", "corrected": "calibrated"})
+        draw_predictions(found, path)
 
 
 def _predicted(log: Any, vehicle: Any, corrected: Any) -> Any:
@@ -101,15 +105,11 @@ def _predicted(log: Any, vehicle: Any, corrected: Any) -> Any:
         return str(error)
 
 
-def draw_predictions(found: Any, path: str, names: dict[str, str]) -> None:
+def draw_predictions(found: Any, path: str) -> None:
     """A run as measured and as two cars predict it, or why there is none."""
     if isinstance(found, str):
         text("p", found, "refusal", role="alert")
         return
-    names = {"real": "measured", **names}
-    colours = {"real": MEASURED, "nominal": RUNS[1], "corrected": RUNS[0]}
     text("h3", path)
-    panels = [(f"{state} [{unit}]", [(names[car], *series, colours[car]) for car, series in cars.items()])
-              for state, (unit, cars) in found.states.items()]  # fmt: skip
-    Chart(panels, f"{path}: measured and predicted")
-    text("pre", found.sentence.replace("nominal", names["nominal"]).replace("corrected", names["corrected"]))
+    Chart(found.panels, f"{path}: measured and predicted")
+    text("pre", found.sentence)

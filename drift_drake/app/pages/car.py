@@ -10,7 +10,7 @@ from nicegui import ui
 from drift_drake.app import stages
 from drift_drake.app.jobs import Jobs
 from drift_drake.app.pages.parts import box, button, choice, field, number, section, text
-from drift_drake.app.project import CALIBRATED, CAR, FILE, MAPPING, Project
+from drift_drake.app.project import CALIBRATED, CAR, FILE, Project
 from drift_drake.app.recordings import Recordings
 from drift_drake.car.effects.magnitudes import magnitudes_of
 from drift_drake.car.parameters import WORDS, Tolerance, VehicleParameters
@@ -114,8 +114,8 @@ def _range(name: str, vehicle: VehicleParameters) -> str:
 
 def _vehicle_files(project: Project) -> list[str]:
     """YAML files of the folder that may be vehicle files."""
-    own = {CAR, CALIBRATED, FILE, MAPPING}
-    return sorted(path.name for path in project.folder.glob("*.y*ml") if path.name not in own and path.is_file())
+    own, found = {CAR, CALIBRATED, FILE}, project.folder.glob("*.y*ml")
+    return sorted(path.name for path in found if path.name not in own and path.name[:7] != "mapping" and path.is_file())
 
 
 def _use(project: Project, name: str) -> None:

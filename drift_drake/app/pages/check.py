@@ -4,17 +4,19 @@ from functools import partial
 from importlib import resources
 from typing import Any
 
+from markupsafe import escape
 from nicegui import ui
 
 from drift_drake.app import stages
 from drift_drake.app.jobs import Jobs
 from drift_drake.app.looks import driven, limits
-from drift_drake.app.pages.figures import bars, cloud
+from drift_drake.app.pages.figures import drawn
 from drift_drake.app.pages.logs import set_of_day
 from drift_drake.app.pages.parts import box, button, field, later, number, quietly, run_button, saying, section, text
 from drift_drake.app.project import Project
 from drift_drake.app.recordings import Recordings
 from drift_drake.common.errors import DriftDrakeError
+from drift_drake.view.pages.templates import part
 
 
 def check_page(project: Project, _readings: Recordings, jobs: Jobs, data: dict[str, Any]) -> None:
@@ -65,10 +67,10 @@ def _verdict(project: Project, day: str, data: dict[str, Any]) -> None:
         place = box("div")
 
         async def shown() -> None:
-            rows = await quietly(_limits, found["outlook"], project.folder / stages.first_guess(data))
+            bars = await quietly(_limits, found["outlook"], project.folder / stages.first_guess(data))
             with place:
                 text("h3", "What a later day like this would show, from this size on")
-                bars(rows, "Least size of each effect that would be seen, as a share of its practical range")
+                ui.html(bars, sanitize=False)
 
         later(shown)
 
@@ -76,8 +78,8 @@ def _verdict(project: Project, day: str, data: dict[str, Any]) -> None:
 def _limits(outlook: Any, vehicle: Any) -> Any:
     try:
         return limits(outlook, vehicle)
-    except DriftDrakeError:
-        return []
+    except DriftDrakeError as error:
+        return escape(str(error))
 
 
 def _accept(project: Project, day: str) -> None:
@@ -97,13 +99,12 @@ async def _drawn(project: Project, day: str, data: dict[str, Any], place: Any) -
         trims = bool(project.days(data).get(day))
         if trims:
             _trim_fields(project, day, data)
-        for k, run in enumerate(found):
-            _timeline(project, day, run, trims and k == 0)
+        _timelines(project, day, found, trims)
+        from drift_drake.view.pages.driving import accelerations, steering
+
         with box("div", "clouds"):
-            cloud([(run.name, run.accelerations[1], run.accelerations[0]) for run in found],
-                  ("to the left [m/s^2]", "ahead [m/s^2]"), "Accelerations to the side and ahead")  # fmt: skip
-            cloud([(run.name, *run.steering) for run in found], ("speed [m/s]", "steering [rad]"),
-                  "Steering against speed")  # fmt: skip
+            drawn(accelerations(found), "Accelerations ahead and to the left")
+            drawn(steering(found), "Steering against speed")
 
 
 def _driven(folder: Any, vehicle: Any) -> Any:
@@ -125,24 +126,8 @@ def _trimmed(project: Project, day: str, key: str, words: str) -> None:
     set_of_day(project, day, key, number(words))
 
 
-def _timeline(project: Project, day: str, run: Any, trims: bool) -> None:
-    """Used and left-out stretches of a run, with the reasons; of the first, ends that can be drawn in."""
-    length = max(run.stop - run.start, 1e-9)
-    text("h3", f"{run.name}: {length:.1f} s")
-    said = [
-        f"{one.start:.1f} to {one.stop:.1f} s {f'left out: {one.why}' if one.why else 'used'}" for one in run.stretches
-    ]
-    line = box("div", "timeline", role="img", aria_label=f"{run.name}: {'; '.join(said)}", data_start=f"{run.start:g}",
-               data_length=f"{length:g}")  # fmt: skip
-    with line:
-        for one in run.stretches:
-            left, wide = 100.0 * (one.start - run.start) / length, 100.0 * (one.stop - one.start) / length
-            box("i", "cut" if one.why else "", style=f"left:{left:.2f}%;width:{max(wide, 0.2):.2f}%",
-                title=one.why or "used")  # fmt: skip
-        for key, place in (("start", 0), ("end", 100)) if trims else ():
-            box("b", "handle", style=f"left:{place}%", data_key=key, title=f"draw to trim the {key}")
-    line.on("trim", lambda event: set_of_day(project, day, str(event.args["key"]), round(float(event.args["at"]), 2)),
-            js_handler="(e) => emit(e.detail)")  # fmt: skip
-    cut = [words for words, one in zip(said, run.stretches, strict=True) if one.why]
-    for words in cut[:6]:
-        text("p", words, "note")
+def _timelines(project: Project, day: str, runs: Any, trims: bool) -> None:
+    """Used and left-out stretches of the runs; of the first, ends that can be dragged."""
+    lines = ui.html(part("timelines", runs, trims), sanitize=False).classes("trims")
+    lines.on("trim", lambda event: set_of_day(project, day, str(event.args["key"]), round(float(event.args["at"]), 2)),
+             js_handler="(e) => emit(e.detail)")  # fmt: skip

@@ -10,9 +10,10 @@ from nicegui import ui
 
 from drift_drake.app import stages
 from drift_drake.app.jobs import Jobs
-from drift_drake.app.mapping_edits import edit, first_mapping, look_command, merge, set_global
-from drift_drake.app.pages.figures import MEASURED, RUNS, Chart
+from drift_drake.app.mapping_edits import edit, first_mapping, look_command, set_global
+from drift_drake.app.pages.compared import comparison
 from drift_drake.app.pages.frame import own_edit, typing
+from drift_drake.app.pages.logs import set_of_day
 from drift_drake.app.pages.parts import (
     box,
     button,
@@ -25,10 +26,12 @@ from drift_drake.app.pages.parts import (
     saying,
     section,
     text,
+    tick,
 )
-from drift_drake.app.project import Project
+from drift_drake.app.project import MAPPING, Project
 from drift_drake.app.recordings import Recordings
-from drift_drake.common.errors import DriftDrakeError, significant
+from drift_drake.common.errors import DriftDrakeError
+from drift_drake.common.safe_files import write_text
 from drift_drake.gap.logs.wording.conversion import units_of
 
 MEANINGS = {
@@ -52,14 +55,15 @@ LOOKED_AT = 300.0  # [s] of a recording, that what is said of the columns at onc
 
 def columns_page(project: Project, readings: Recordings, jobs: Jobs, data: dict[str, Any]) -> None:
     """The page's content."""
-    names = [name for day in project.days(data).values() for name in day]
+    days = {name: day for day, several in project.days(data).items() for name in several}
+    names = list(days)
     if not names:
         text("p", "Give a recording a day first (Logs). Folders of runs are in the log format already.", "warning")
         return
     if project.mapping() is None:
         _first(project, readings, names[0])
         return
-    view = _View(project, readings, jobs, names[0])
+    view = _View(project, readings, jobs, days, names[0])
     if len(names) > 1:
         choice("Recording that is shown", {name: Path(name).name for name in names}, names[0], view.other)
     with box("div", "pair"):
@@ -84,8 +88,12 @@ class _View:
     said: Any
     imports: Any
 
-    def __init__(self, project: Project, readings: Recordings, jobs: Jobs, name: str) -> None:
-        self.project, self.readings, self.jobs, self.name = project, readings, jobs, name
+    def __init__(self, project: Project, readings: Recordings, jobs: Jobs, days: dict[str, str], name: str) -> None:
+        self.project, self.readings, self.jobs, self.days, self.name = project, readings, jobs, days, name
+
+    def mapping(self) -> dict[str, Any]:
+        """What the mapping file of the recording's day holds."""
+        return self.project.mapping(self.project.mapping_of(self.days[self.name])) or {}
 
     async def draw(self) -> None:
         """All of it."""
@@ -101,7 +109,7 @@ class _View:
     async def edit(self, change: Callable[[dict[str, Any]], None], again: bool = False) -> None:
         """Changes the mapping; again: rows too, whose choices depend on it."""
         self.said.props["aria-busy"] = "true"  # what it offers is of the mapping before
-        self.project.change_mapping(change)
+        self.project.change_mapping(change, self.project.mapping_of(self.days[self.name]))
         own_edit(self.project, self.jobs)
         self.draw_imports()
         if again:
@@ -122,16 +130,20 @@ class _View:
 
     async def draw_rows(self) -> None:
         """A row a quantity: those that are chosen, and the others folded."""
-        ranked = await quietly(_ranked, self.readings, self.name, _signals(self.project.mapping()))
+        ranked = await quietly(_ranked, self.readings, self.name, _signals(self.mapping()))
         while await typing():
             await asyncio.sleep(PAUSE)
-        mapping = self.project.mapping() or {}  # as it is by now
+        mapping = self.mapping()  # as it is by now
         signals = _signals(mapping)
         self.rows.clear()
         with self.rows:
             if isinstance(ranked, str):
                 text("p", ranked, "refusal")
                 return
+            if len(set(self.days.values())) > 1:
+                day = self.days[self.name]
+                own = self.project.mapping_of(day) != MAPPING
+                tick(f"{day} has a mapping of its own", own, partial(_own, self.project, day))
             _globals(self, mapping)
             used = [name for name in MEANINGS if name in NEEDED or name in signals or _formula(name, mapping)]
             for quantity in used:
@@ -144,15 +156,23 @@ class _View:
 
     async def compare(self) -> None:
         """What looks wrong, and the overlays."""
-        before = self.project.mapping() or {}
+        before = self.mapping()
         found = await quietly(_previewed, self.readings, self.name, before)
         self.said.clear()
-        self.said.props["aria-busy"] = "true" if self.project.mapping() != before else "false"
+        self.said.props["aria-busy"] = "true" if self.mapping() != before else "false"
         with self.said:
             if isinstance(found, str):
                 text("p", found, "refusal")
                 return
-            _remarks(self, before, *found)
+            comparison(self.edit, before, *found)
+
+
+def _own(project: Project, day: str, on: bool) -> None:
+    """Gives a day a mapping of its own, which begins as the shared one, or takes it back; the file stays."""
+    shared, path = project.folder / MAPPING, project.folder / f"mapping {day}.yaml"
+    if on and not path.exists():
+        write_text(path, shared.read_text(encoding="utf-8"))
+    set_of_day(project, day, "own_mapping", on or None)
 
 
 def _first(project: Project, readings: Recordings, name: str) -> None:
@@ -261,44 +281,13 @@ def _said(one: Any) -> str:
 def _previewed(readings: Recordings, name: str, mapping: dict[str, Any]) -> Any:
     from drift_drake.gap.logs.importing.importer import PERIOD
     from drift_drake.gap.logs.importing.preview import preview
-    from drift_drake.gap.logs.screening.overlays import overlays
+    from drift_drake.gap.logs.screening.overlays import estimates, overlays, panels_of
 
     try:
         found = preview(Path(name), readings.topics(name), mapping, end=LOOKED_AT)
         length = mapping.get("wheelbase")
-        return found, overlays(found.pieces, PERIOD, length if isinstance(length, int | float) else None)
+        length = length if isinstance(length, int | float) and length > 0.0 else None
+        compared = overlays(found.pieces, PERIOD, length)
+        return found, compared, panels_of(compared), estimates(found.pieces, PERIOD, length)
     except DriftDrakeError as error:
         return str(error)
-
-
-def _remarks(view: _View, before: dict[str, Any], found: Any, overlays: list[Any]) -> None:
-    if found.refused:
-        with box("div", "refusal", role="alert"):
-            text("p", f"The import would be refused: {found.refused.sentence}")
-            _offered(view, before, found.refused)
-    for remark in found.remarks:
-        with box("div", "warning"):
-            text("p", remark.sentence)
-            _offered(view, before, remark)
-    if not found.refused and not found.remarks and found.pieces:
-        text("p", "Signs and units: nothing looks wrong.", "verdict")
-    if found.unchecked:
-        text("p", f"No other column can check {', '.join(found.unchecked)}.", "note")
-    for sentence in found.undecided:
-        text("p", sentence, "note")
-    for one in overlays:
-        text("h3", f"{one.column} against {one.against}")
-        text("p", f"correlation {one.likeness:.3f}, gain {significant(one.gain, 3)}", "note")
-        lines = [(one.column, one.t, one.measured, MEASURED), (one.against, one.t, one.expected, RUNS[1])]
-        Chart([(f"{one.column} [{one.unit}]", lines)], f"{one.column} against {one.against}", 150)
-
-
-def _offered(view: _View, before: dict[str, Any], remark: Any) -> None:
-    """A button for each way to put it right."""
-    with box("div", "run"):
-        for fix in remark.fixes:
-            button(fix.label[0].upper() + fix.label[1:], partial(_fixed, view, before, fix))
-
-
-async def _fixed(view: _View, before: dict[str, Any], fix: Any) -> None:
-    await view.edit(lambda data: merge(data, before, fix.mapping), again=True)

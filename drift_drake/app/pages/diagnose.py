@@ -1,16 +1,20 @@
 """Diagnose: all days in one table, and of each what is left over, what it says, and its report."""
 
+from collections.abc import Mapping
 from functools import partial
 from typing import Any
 
 from drift_drake.app import stages
 from drift_drake.app.jobs import Jobs
+from drift_drake.app.pages.figures import drawn
 from drift_drake.app.pages.parts import box, frame_of, run_button, section, table, text, tick
 from drift_drake.app.project import CALIBRATED, Project
 from drift_drake.app.recordings import Recordings
 from drift_drake.car.effects.catalogue import CATALOGUE
 from drift_drake.common.errors import DriftDrakeError, significant
 from drift_drake.gap.diagnosis.answers.answer import Answer, read_answer
+from drift_drake.view.colours import REFERENCE, RUNS
+from drift_drake.view.pages.charts import Figure, finished
 
 HEAD = ("day", "verdict", "what", "size (95 %)", "probability", "errors removed", "state")
 
@@ -28,6 +32,9 @@ def diagnose_page(project: Project, _readings: Recordings, jobs: Jobs, data: dic
                 _row(day, answer, stages.diagnose(project, day, data).state(data)) for day, answer in answers.items()
             ]
             table(HEAD, rows, "What was found on each day")
+            for name in dict.fromkeys(name for answer in answers.values() for name in answer.magnitudes):
+                if len(answers) > 1 and name in CATALOGUE:
+                    drawn(trend(name, answers), f"{name} by day")
         else:
             text("p", "No day has been diagnosed yet.", "note")
         as_it_is = bool(data["options"].get("as_it_is"))
@@ -57,6 +64,30 @@ def answer_of(project: Project, day: str) -> Answer | None:
         return read_answer(path) if path.exists() else None
     except DriftDrakeError:
         return None
+
+
+def trend(name: str, answers: Mapping[str, Answer]) -> Figure:
+    """An effect's magnitude by day with its 95 % interval; where it was not named, up to what would have been."""
+    data: list[Figure] = []
+    for day, answer in answers.items():
+        found, limit = answer.magnitudes.get(name), answer.details.get("detection", {}).get(name, {}).get("least")
+        if found is None and not isinstance(limit, float):
+            continue
+        at, above, below = (0.0, limit, limit) if found is None else (
+            found.estimate, found.high - found.estimate, found.estimate - found.low)  # fmt: skip
+        colour = REFERENCE if found is None else RUNS[0]
+        data.append({
+            "x": [day], "y": [at], "type": "scatter", "mode": "markers", "name": "", "marker": {
+                "size": 8, "color": colour, "symbol": "circle-open" if found is None else "circle"},
+            "error_y": {"type": "data", "array": [above], "arrayminus": [below], "symmetric": False, "color": colour},
+            "text": ["not named: below what these logs show" if found is None else "named"],
+        })  # fmt: skip
+    unit = CATALOGUE[name].unit
+    layout = {
+        "xaxis": {"type": "category"},
+        "yaxis": {"title": {"text": f"{name}{'' if unit == '-' else f' [{unit}]'}"}},
+    }
+    return finished({"data": data, "layout": layout}, 170, "closest")
 
 
 def _row(day: str, answer: Answer, state: str) -> list[str]:

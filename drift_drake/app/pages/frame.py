@@ -12,6 +12,7 @@ from drift_drake.app.jobs import Jobs
 from drift_drake.app.pages.parts import box, button, folder_name, stamp, text
 from drift_drake.app.project import MAPPING, Project
 from drift_drake.common.errors import DriftDrakeError
+from drift_drake.view.pages.templates import FOLDER
 
 POLL = 0.5  # [s]
 # A chart that is taken off the page hears of its last resize, which plotly answers by a rejection; what is being typed
@@ -48,7 +49,8 @@ STEPS = (
 
 def page(project: Project, jobs: Jobs, step: Step, draw: Callable[[dict[str, Any]], None]) -> None:
     """One page: the frame, and what `draw` makes of the project file's content."""
-    ui.add_head_html(f"<style>{(resources.files('drift_drake.app.pages') / 'look.css').read_text()}</style>")
+    own = (resources.files("drift_drake.app.pages") / "look.css").read_text()
+    ui.add_head_html(f"<style>{(FOLDER / 'look.css').read_text()}{own}</style>")
     ui.add_head_html(SCRIPT)
     ui.page_title(f"{step.name} - {folder_name(project)} - drift_drake")
     client = ui.context.client

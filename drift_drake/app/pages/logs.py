@@ -10,11 +10,13 @@ from nicegui import ui
 
 from drift_drake.app import stages
 from drift_drake.app.jobs import Jobs
-from drift_drake.app.pages.figures import RUNS, Chart, thumbnail
+from drift_drake.app.pages.figures import Chart, thumbnail
 from drift_drake.app.pages.parts import box, field, later, quietly, section, text, tick
 from drift_drake.app.project import Project
 from drift_drake.app.recordings import Recordings, Summary
 from drift_drake.common.errors import DriftDrakeError
+from drift_drake.view.colours import RUNS
+from drift_drake.view.pages.charts import Line, Panel
 
 MOST_SHOWN = 6  # signals in one chart
 FORMATS = (
@@ -95,7 +97,7 @@ def _summary(recordings: Recordings, name: str, summary: Summary) -> None:
         signals.clear()
         with signals:
             if lines:
-                Chart(lines, f"Signals of {name}", 130)
+                Chart(lines, f"Signals of {name}")
 
     with box("details"):
         text("summary", f"{len(summary.thumbs)} channels")
@@ -108,9 +110,8 @@ def _summary(recordings: Recordings, name: str, summary: Summary) -> None:
 
 def _signals(recordings: Recordings, name: str, columns: list[str]) -> list[Any]:
     """Panels of a chart, one a column."""
-    colour = RUNS[0]
     try:
-        return [(column, [(column, *recordings.signal(name, column), colour)]) for column in columns]
+        return [Panel(column, [Line("", *recordings.signal(name, column), RUNS[0])], 100) for column in columns]
     except (DriftDrakeError, KeyError):
         return []
 

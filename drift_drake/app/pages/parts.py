@@ -181,8 +181,7 @@ def later(function: Callable[[], Awaitable[None]]) -> None:
 
 def stamp(project: Project, jobs: Jobs) -> tuple[Any, ...]:
     """Changes whenever a page may have to be shown anew: a command has begun or ended, a file was changed elsewhere."""
-    names = ("project.yaml", "mapping.yaml", "car.yaml")
-    paths = [project.folder / name for name in names]
+    paths = [project.folder / "project.yaml", project.folder / "car.yaml", *project.folder.glob("mapping*.yaml")]
     return (jobs.ended, jobs.running is not None, *(path.stat().st_mtime_ns if path.exists() else 0 for path in paths))
 
 

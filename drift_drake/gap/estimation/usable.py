@@ -16,6 +16,7 @@ from drift_drake.gap.estimation.windows import SETTLING, stride_of
 from drift_drake.gap.logs.screening.repeated import without_repeated
 from drift_drake.gap.logs.screening.screened import Screened, screened
 from drift_drake.gap.logs.screening.suspicions import Suspicion, suspicions_of
+from drift_drake.view.pages.driving import UsedStretch
 
 GOLDEN = (np.sqrt(5.0) - 1.0) / 2.0
 AHEAD = 6.5  # strides that a part needs for one window
@@ -116,14 +117,6 @@ def _parts(
     back = backing(run, vehicle) & ~frozen & reverse
     ways = (*spans(driven(run, vehicle) & ~frozen), *spans(back))
     return frozen, back, sorted((a, b) for a, b in ways if b - a >= least), least
-
-
-class UsedStretch(NamedTuple):
-    """A part of a run [s], and why it is not used; empty where it is."""
-
-    start: float
-    stop: float
-    why: str
 
 
 def stretches(runs: Sequence[Run], vehicle: VehicleParameters, reverse: bool = True) -> list[list[UsedStretch]]:

@@ -9,6 +9,7 @@ import numpy as np
 
 from drift_drake.car.effects.catalogue import CATALOGUE
 from drift_drake.car.effects.magnitudes import Effects
+from drift_drake.car.log.table import Run
 from drift_drake.car.parameters import CarParameters, VehicleParameters
 from drift_drake.common.errors import DriftDrakeError
 from drift_drake.common.plain_files import named_number, read_json
@@ -121,6 +122,8 @@ class Identification:
     effects: Effects
     rows: int  # of the logs
     single_track: tuple[VehicleParameters, Effects] | None = None  # calibrated on the same logs as a double-track car
+    first: tuple[CarParameters, Effects] | None = None  # guess
+    runs: Sequence[Run] = dataclasses.field(default=(), repr=False)  # as they were given
 
 
 def not_identified(names: Sequence[str], prior: np.ndarray, covariance: np.ndarray) -> list[Direction]:

@@ -92,7 +92,7 @@ def calibrate(runs: Sequence[Run], asked: Asked, progress: Progress | None = Non
     """
     began = time.perf_counter()
     tell = progress or (lambda _stage, _share: None)
-    case, known = asked.case, asked.known
+    case, known, given = asked.case, asked.known, runs
     check_effect_names(known, asked.names)
     vehicle, first = asked.vehicle, first_of_kind(asked.first, asked.kind)
     runs, _, warnings = admit(runs, first)
@@ -117,7 +117,7 @@ def calibrate(runs: Sequence[Run], asked: Asked, progress: Progress | None = Non
     warnings = [*warnings, *c.warnings, *lacking, *kept_sentences(asked)]
     c = dataclasses.replace(c, seconds=time.perf_counter() - began, driving=driving, warnings=warnings)
     tell("done", 1.0)
-    return dataclasses.replace(found, calibration=c)
+    return dataclasses.replace(found, calibration=c, first=(first, asked.effects), runs=given)
 
 
 def first_of_kind(first: CarParameters, kind: CarKind) -> CarParameters:

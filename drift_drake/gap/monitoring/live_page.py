@@ -7,7 +7,6 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import jinja2
 import numpy as np
 
 from drift_drake.common.safe_files import write_text
@@ -15,12 +14,14 @@ from drift_drake.gap.evidence.posterior import UNKNOWN
 from drift_drake.gap.monitoring.events import SIGNALS, sentence
 from drift_drake.gap.monitoring.watch import VerdictAt
 from drift_drake.view.pages.policy import with_policy
+from drift_drake.view.pages.templates import templates
 
 TEMPLATE = Path(__file__).with_name("live_page.html")
 LONGEST = 3000  # verdicts that are shown, 300 s
 POINTS = 400  # of a band, at most
 LEADING = 4  # causes with a band of their own
 EVENTS = 30  # that are listed
+TICKS = 5  # of the time axis
 EACH = 1.0  # [s] between two writings, at least
 NONE_COLOUR, OTHER_COLOUR, UNKNOWN_COLOUR = "#009e73", "#bbbbbb", "#d55e00"
 COLOURS = ("#0072b2", "#e69f00", "#cc79a7", "#56b4e9")
@@ -88,14 +89,12 @@ def page(
     of_a_change = [event["event"] for event in events if event["event"] in ("change", "cause", "over")]
     changed = bool(of_a_change) and of_a_change[-1] != "over"
     now = sentence(last) if last is not None else f"{end:.1f} s: nothing has changed"
-    environment = jinja2.Environment(
-        loader=jinja2.FileSystemLoader(TEMPLATE.parent), autoescape=True, undefined=jinja2.StrictUndefined
-    )
-    html = environment.get_template(TEMPLATE.name).render(
-        name=name, live=live, now=now, changed=changed, width=max(len(t), 1), bands=bands(labels, x, p), start=start,
+    html = templates(TEMPLATE.parent).get_template(TEMPLATE.name).render(
+        name=name, live=live, now=now, changed=changed, width=max(len(t), 1), bands=bands(labels, x, p),
         traces=traces(x, np.array([row.seen.signals for row in rows]).reshape(len(t), 2, len(SIGNALS))),
-        end=end, marks=[f"{mark:.2f}" for mark in marks], events=[sentence(event) for event in events[-EVENTS:]],
-        written=time.time(), clock=time.strftime("%Y-%m-%d %H:%M:%S"),
+        times=np.linspace(start, end, TICKS), marks=[f"{mark:.2f}" for mark in marks],
+        events=[sentence(event) for event in events[-EVENTS:]], written=time.time(),
+        clock=time.strftime("%Y-%m-%d %H:%M:%S"),
     )  # fmt: skip
     return with_policy(html)
 

@@ -8,13 +8,12 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-import jinja2
 from markupsafe import Markup
 from plotly.offline import get_plotlyjs
 
-from drift_drake.common.errors import significant
 from drift_drake.view.colours import CARS
 from drift_drake.view.pages.policy import with_policy
+from drift_drake.view.pages.templates import templates
 
 PACKAGES = ("drift_drake", "drake", "numpy", "scipy", "numba")
 GLOSSARY = {
@@ -39,7 +38,6 @@ GLOSSARY = {
     "omega_r": "speed of the driven rear rim [m/s], equal to the car's speed where the tyre rolls",
     "rear slip": "rim speed less the speed over ground along the car, over the rim speed",
 }
-FOLDER = Path(__file__).parent
 
 
 @dataclasses.dataclass(frozen=True)
@@ -79,9 +77,7 @@ def page_html(template: Path, words: tuple[str, ...], **values: Any) -> str:
     Args:
         words: of the glossary that the page explains.
     """
-    loader = jinja2.FileSystemLoader([template.parent, FOLDER])
-    environment = jinja2.Environment(loader=loader, autoescape=True, undefined=jinja2.StrictUndefined)
-    environment.filters["significant"] = significant
+    environment = templates(template.parent)
     environment.globals |= {
         "versions": [*((name, version(name)) for name in PACKAGES), ("Python", platform.python_version())],
         "glossary": {word: GLOSSARY[word] for word in words},

@@ -6,7 +6,6 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Literal
 
-import jinja2
 import numpy as np
 import pandas as pd
 from markupsafe import escape
@@ -18,6 +17,7 @@ from drift_drake.common.arrays import Array
 from drift_drake.common.safe_files import write_text
 from drift_drake.drive.reference.trajectory import Reference
 from drift_drake.view.pages.policy import with_policy
+from drift_drake.view.pages.templates import templates
 from drift_drake.view.pictures.car_shape import CarShape
 from drift_drake.view.pictures.scene import (
     BACKGROUND,
@@ -39,6 +39,7 @@ READ_OUTS = (  # column, name and unit on the panel, factor
     ("r", "yaw rate", "deg/s", DEGREES),
 )
 READ_STEP, MOST_READ = 0.02, 1500.0  # [s] between values at least, and how many of a long run
+SCALED = '<meta name="viewport" content="width=device-width">'
 PANEL = Path(__file__).parent / "replay_panel.html"
 
 
@@ -90,16 +91,21 @@ def replay(
     meshcat.PublishRecording()
     path = Path(path)
     cars = [{"name": name, "colour": colour} for name, colour in zip(runs, colours_of(runs), strict=True)]
-    environment = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined)
-    panel = environment.from_string(PANEL.read_text(encoding="utf-8")).render(
-        cars=cars, home=home, title=title, note=note, camera=camera, signals=read_outs(runs)
+    panel = (
+        templates(PANEL.parent)
+        .get_template(PANEL.name)
+        .render(cars=cars, home=home, title=title, note=note, camera=camera, signals=read_outs(runs))
     )
-    named = f"<title>{escape(title or 'drift_drake: replay')}</title>"
-    page, end, rest = re.sub(r"<title>.*?</title>", lambda _: named, meshcat.StaticHtml(), count=1).rpartition(
-        "</body>"
-    )
-    write_text(path, with_policy(page + panel + end + rest))
+    write_text(path, with_policy(_page(meshcat.StaticHtml(), title or "drift_drake: replay", panel)))
     return path
+
+
+def _page(scene: str, title: str, panel: str) -> str:
+    """Meshcat's page with a name, a language, a phone's width and the panel."""
+    named = re.sub(r"<title>.*?</title>", lambda _: f"<title>{escape(title)}</title>", scene, count=1)
+    scaled = named.replace("<html>", '<html lang="en">', 1).replace("<head>", f"<head>\n{SCALED}", 1)
+    page, end, rest = scaled.rpartition("</body>")
+    return page + panel + end + rest
 
 
 def read_outs(runs: Mapping[str, pd.DataFrame]) -> list[dict[str, object]]:

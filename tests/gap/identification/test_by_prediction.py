@@ -4,7 +4,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from browser import check_charts, needs_browser
+from browser import check_charts, check_looks, needs_browser
 
 from drift_drake.car.double_track.parameters import CARS
 from drift_drake.car.effects.catalogue import CATALOGUE
@@ -163,6 +163,17 @@ def test_prediction_without_sideslip_is_refused(other_car):
 
 
 @needs_browser
-def test_the_reports_charts_are_drawn(other_car, tmp_path):
-    (tmp_path / "report.html").write_text(report_html(other_car.found), encoding="utf-8")
-    check_charts(tmp_path / "report.html")
+def test_the_reports_charts_are_drawn(other_car, tmp_path, browser):
+    path = tmp_path / "report.html"
+    path.write_text(report_html(other_car.found), encoding="utf-8")
+    check_charts(path)
+    check_looks(browser, path)
+
+
+def test_the_report_plays_both_cars_on_every_run_and_shows_what_is_used(other_car):
+    html = report_html(other_car.found)
+    assert html.count('"name":"first guess","legendgroup"') >= 4 * len(other_car.runs)  # states of each run
+    assert html.count('class="timeline"') == len(other_car.runs)
+    assert "RMS error" in html
+    alone = dataclasses.replace(other_car.found, runs=(), first=None)
+    assert "Measured against both cars" not in report_html(alone)

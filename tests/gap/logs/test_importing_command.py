@@ -4,6 +4,7 @@ import json
 
 import pytest
 import yaml
+from browser import check_charts, check_looks, needs_browser
 from test_importing_importer import PLAIN, plain_table
 
 from drift_drake.car.log.table import read_case
@@ -36,6 +37,17 @@ def test_a_case_is_written(files, capsys):
 def test_the_report_as_json(files, capsys):
     assert main(arguments(files, "--json", "-")) == 0
     assert json.loads(capsys.readouterr().out)["remarks"] == []
+
+
+@needs_browser
+def test_a_report_shows_signals_and_what_columns_say_of_each_other(files, tmp_path, browser):
+    page = tmp_path / "import.html"
+    assert main(arguments(files, "--report", str(page))) == 0
+    text = page.read_text(encoding="utf-8")
+    assert text.count('class="chart"') == 4  # overlays, two of the driving, one run's signals
+    assert "24.0 of 24.0 s are used" in text
+    check_charts(page)
+    check_looks(browser, page)
 
 
 def test_bad_input_is_one_sentence_and_exit_code_2(files, capsys):

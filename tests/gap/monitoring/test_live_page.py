@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from browser import needs_browser, opened
+from browser import check_looks, needs_browser
 
 from drift_drake.car.log.table import write_run
 from drift_drake.car.parameters import VehicleParameters
@@ -57,7 +57,17 @@ def test_bands_fill_the_chart(monitor):
 
 
 @needs_browser
-def test_a_browser_draws_it(watched_page):
-    pages, console = opened(watched_page)
-    assert console == []
-    assert all(page["tooWide"] <= 0 for page in pages)
+def test_a_browser_draws_it(watched_page, browser):
+    check_looks(browser, watched_page)
+
+
+def test_a_watch_that_is_silent_is_said_to_be(monitor, tmp_path, browser, monkeypatch):
+    monkeypatch.setattr("time.time", lambda: 1.0)
+    seen = nothing_seen(1)._replace(signals=SIGNALS_OF_A_DRIVE)
+    rows = [VerdictAt(0.1 * i, np.full(len(monitor.labels), 0.1), [], seen) for i in range(50)]
+    (tmp_path / "watch.html").write_text(page("log", monitor.labels, rows, [], True), encoding="utf-8")
+    window = browser.new_page()
+    window.goto((tmp_path / "watch.html").as_uri())
+    assert "the watch writes nothing more" in window.locator("#age").inner_text()
+    assert window.locator(".scale").nth(1).locator("span").all_inner_texts() == ["4", "2", "0"]  # of the yaw rate
+    window.close()

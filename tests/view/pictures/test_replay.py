@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from browser import BROWSER, needs_browser
+from browser import BROWSER, NAMELESS, check_looks, needs_browser
 from pydrake.geometry import Meshcat
 
 from drift_drake.car.parameters import VehicleParameters
@@ -115,6 +115,19 @@ def test_a_browser_plays_it_under_its_policy(perfect_run, tmp_path):
     console = [line for line in done.stderr.splitlines() if "CONSOLE" in line]
     assert not [line for line in console if "Content Security" in line or "Error" in line]
     assert re.search(r'id="clock">[^<]*\d', done.stdout)  # its own script runs
+
+
+def test_it_is_readable_in_the_dark_and_its_hidden_controls_are_out_of_the_way(perfect_run, tmp_path, browser):
+    path = replay({"real": perfect_run.iloc[:50], "b": perfect_run.iloc[:50]}, tmp_path / "r.html", title="lap")
+    check_looks(browser, path, wait=4000)
+    page = browser.new_page()
+    page.goto(path.as_uri())
+    page.locator(".dg.main > ul[inert]").wait_for(state="attached")
+    page.locator(".dg.main > .close-button").focus()
+    page.keyboard.press("Enter")
+    page.locator(".dg.main > ul:not([inert])").wait_for(state="attached")
+    assert page.evaluate(NAMELESS) == []
+    page.close()
 
 
 PLACES = """<script>setTimeout(() => {

@@ -64,6 +64,7 @@ class ChangeDiagnosis:
     search: Search
     ranked: DayRanked
     reduction: Reduction
+    runs: Sequence[Run] = dataclasses.field(default=(), repr=False)  # as they were given
 
 
 def diagnose_change(
@@ -86,6 +87,7 @@ def diagnose_change(
     began = time.perf_counter()
     tell = progress or (lambda _stage, _share: None)
     constants = constants or PRIORS
+    given = runs
     runs, doubts, warnings = admit(runs, vehicle)
     names, more = seen_effects(runs, [name for name in normal.names if name in catalogue])
     tell("errors and their derivatives", 0.0)
@@ -124,7 +126,7 @@ def diagnose_change(
         warnings=[*warnings, *more],
     )  # fmt: skip
     tell("done", 1.0)
-    return ChangeDiagnosis(answer, search, found, shrinks)
+    return ChangeDiagnosis(answer, search, found, shrinks, given)
 
 
 def false_alarm_rate(normal: Normal, asked: float) -> dict[str, Any]:

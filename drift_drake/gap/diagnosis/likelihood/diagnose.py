@@ -251,6 +251,7 @@ class Diagnosis:
     found: list[tuple[Fit, float]]  # hypotheses with their log evidence, best first
     fit: Fit  # of the causes; of the leading hypothesis where the verdict is none or unknown
     reduction: Reduction
+    runs: Sequence[Run] = dataclasses.field(default=(), repr=False)  # as they were given
 
 
 @one_blas_thread()
@@ -285,6 +286,7 @@ def diagnose(
     """
     began = time.perf_counter()
     tell = progress or (lambda _stage, _share: None)
+    given = runs
     runs, doubts, doubted = admit(runs, vehicle)
     runs, left_out = part_of(runs, most_seconds)
     names, unseen = seen_effects(runs, catalogue)
@@ -312,4 +314,4 @@ def diagnose(
         tolerances=dict(zip(NUISANCES[:TOLERANCES], tolerances, strict=True)), details=details, warnings=warnings,
     )  # fmt: skip
     tell("done", 1.0)
-    return Diagnosis(answer, problem, found, posterior.leading, shrinks)
+    return Diagnosis(answer, problem, found, posterior.leading, shrinks, given)

@@ -12,21 +12,28 @@ from drift_drake.car.log.table import UNITS
 from drift_drake.gap.diagnosis.answers.rivals import in_words
 from drift_drake.gap.diagnosis.calibrated.changed_car import squares
 from drift_drake.gap.diagnosis.calibrated.diagnose_change import ChangeDiagnosis
-from drift_drake.gap.diagnosis.reports.report import in_doubt, limit_rows
+from drift_drake.gap.diagnosis.reports.report import in_doubt
+from drift_drake.gap.diagnosis.reports.trials import TRIED, trials
+from drift_drake.gap.estimation.driven import all_driven
 from drift_drake.gap.estimation.normal import LOST, Normal
 from drift_drake.gap.estimation.prior import REACH
 from drift_drake.gap.estimation.reduction import STATES
 from drift_drake.gap.estimation.robust_fit import MAD
 from drift_drake.gap.estimation.scores import Day
 from drift_drake.gap.estimation.windows import HORIZONS, WindowedRun, regimes
+from drift_drake.gap.evidence.limit_rows import limit_rows
 from drift_drake.gap.evidence.posterior import UNKNOWN
-from drift_drake.view.pages.charts import LOW, NORMAL, Line, Panel, reach_of, side_by_side, stacked
+from drift_drake.view.colours import RUNS
+from drift_drake.view.pages.charts import LOW, NORMAL, Line, Panel, placed, reach_of, side_by_side, stacked
+from drift_drake.view.pages.driving import driving
 from drift_drake.view.pages.page import GLOSSARY, Source, page_html
 
 TEMPLATE = Path(__file__).parent / "change_report.html"
 REGIMES = (("speed", "m/s"), ("yaw rate times speed", "m/s²"), ("sideslip", "rad"), ("rim slip", "-"))
 MOST_SHOWN = 8  # hypotheses
 OF_THE_FILTER = ("nominal car", "innovation", "nat", "rear slip", "free-form forces")  # words that this report has not
+
+EMPTY = Line(TRIED, np.empty(0), np.empty(0), RUNS[3], dots=True)
 
 Cars = Mapping[str, np.ndarray]  # errors [windows, HORIZONS, channels] by the name of the car
 
@@ -76,8 +83,13 @@ def judged_states(day: Day) -> list[tuple[int, str]]:
     return [(i, state) for i, state in enumerate(STATES) if all(run.used[i] for run in day.runs)]
 
 
-def overlay(day: Day, normal: Normal, index: int, cars: Cars, onset: Mapping[str, float]) -> Markup:
-    """One run as measured and as predicted at the longest horizon, and below each state what is left over."""
+def overlay(
+    day: Day, normal: Normal, index: int, cars: Cars, onset: Mapping[str, float], tried: bool = False
+) -> Markup:
+    """One run as measured and as predicted at the longest horizon, and below each state what is left over.
+
+    tried: with lines for an effect that is tried (`trials`).
+    """
     run = day.runs[index]
     t, at = np.arange(len(run.y)) * run.period, ends(run)
     panels = []
@@ -88,9 +100,12 @@ def overlay(day: Day, normal: Normal, index: int, cars: Cars, onset: Mapping[str
         reach = reach_of(run.y[:, i], [line.y for line in predicted])
         panels.append(Panel(f"{state} [{UNITS[state]}]", [measured, *predicted], reach=reach))
         misses = [Line(name, at * run.period, e, dots=True) for name, e in left.items()]
+        if tried:  # drawn by the page's script
+            panels[-1] = dataclasses.replace(panels[-1], lines=[*panels[-1].lines, EMPTY])
+            misses.append(EMPTY)
         title = f"measured less predicted [{UNITS[state]}]"
         panels.append(Panel(title, misses, LOW, normal=2.0 * float(normal.scales[-1, i])))
-    return stacked(panels, {"gap sets in": onset[run.name]} if run.name in onset else {})
+    return placed(stacked(panels, {"gap sets in": onset[run.name]} if run.name in onset else {}))
 
 
 def by_horizon(day: Day, normal: Normal, cars: Cars) -> Markup:
@@ -100,7 +115,7 @@ def by_horizon(day: Day, normal: Normal, cars: Cars) -> Markup:
         usual = Line("day of calibration", at, normal.scales[:, i] / MAD, NORMAL)
         lines = [Line(name, at, np.median(np.abs(e[..., i]), axis=0), dots=True) for name, e in cars.items()]
         panels.append(Panel(f"{state} [{UNITS[state]}]", [usual, *lines], 140))
-    return side_by_side(panels, "ahead [s]")
+    return placed(side_by_side(panels, "ahead [s]"))
 
 
 def time_line(day: Day, normal: Normal, cars: Cars, onset: Mapping[str, float]) -> Markup:
@@ -113,20 +128,21 @@ def time_line(day: Day, normal: Normal, cars: Cars, onset: Mapping[str, float]) 
         lines += [Line(name, t, values[day.run == k]) for name, values in parts.items()]
         sets_in = f"; gap sets in at {onset[run.name]:.1f} s" if run.name in onset else ""
         panels.append(Panel(f"{run.name}: error, in normal ones{sets_in}", lines, 90, log=True))
-    return stacked(panels)
+    return placed(stacked(panels))
 
 
 def pictures(d: ChangeDiagnosis) -> dict[str, Markup]:
-    """What shows the gap; nothing where there is none, and no corrected car where no cause is named."""
-    if d.answer.verdict == "none":
-        return {}
+    """What shows the gap, where there is one; no corrected car where no cause is named."""
     day, normal = d.search.day, d.search.normal
     cars = {"calibrated": day.errors}
     if d.answer.verdict == "effect":
         cars["corrected"] = day.errors_with(d.ranked.leading.effects(day))
     worst, onset = worst_run(d), d.answer.where["onset"]
-    return {
-        "overlay": overlay(day, normal, worst, cars, onset),
+    data = trials(d, worst, judged_states(day))
+    chart = {"overlay": overlay(day, normal, worst, cars, onset, bool(data)), "trials": data}
+    if d.answer.verdict == "none":
+        return chart
+    return chart | {
         "by_horizon": by_horizon(day, normal, cars),
         "time_line": time_line(day, normal, cars, onset),
     }
@@ -153,6 +169,7 @@ def report_html(d: ChangeDiagnosis, source: Source | None = None) -> str:
         ahead=search.day.ahead[-1],
         pictures=pictures(d),
         limits=limits,
+        how=driving(all_driven(d.runs, search.vehicle)) if d.runs else None,
         reach=REACH,
         coverage=coverage,
         beyond=beyond,

@@ -1,20 +1,18 @@
 """The report of a diagnosis by the filter's likelihood: one self-contained HTML file, by verdict."""
 
-import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from markupsafe import Markup
 
-from drift_drake.car.effects.catalogue import CATALOGUE, LIMITS, shown_by
+from drift_drake.car.effects.catalogue import CATALOGUE, shown_by
 from drift_drake.car.log.table import UNITS
-from drift_drake.car.parameters import VehicleParameters
-from drift_drake.common.errors import significant
 from drift_drake.gap.diagnosis.answers.answer import Answer
 from drift_drake.gap.diagnosis.likelihood.diagnose import Diagnosis
 from drift_drake.gap.diagnosis.likelihood.isolability import Isolability, isolability
+from drift_drake.gap.estimation.driven import all_driven
 from drift_drake.gap.estimation.filter_state import CHANNELS
 from drift_drake.gap.estimation.fit import Fit, no_effects
 from drift_drake.gap.estimation.freeform import misfit, with_more_process_noise
@@ -30,8 +28,10 @@ from drift_drake.gap.estimation.reduction import (
     share_removed,
     start_rows,
 )
+from drift_drake.gap.evidence.limit_rows import LimitRow, limit_rows
 from drift_drake.gap.evidence.posterior import UNKNOWN, hypothesis_name
-from drift_drake.view.pages.charts import LOW, NORMAL, Line, Panel, heat_map, reach_of, side_by_side, stacked
+from drift_drake.view.pages.charts import LOW, NORMAL, Line, Panel, heat_map, placed, reach_of, side_by_side, stacked
+from drift_drake.view.pages.driving import driving
 from drift_drake.view.pages.page import GLOSSARY, Source, page_html
 
 LEAST_EXCESS = 0.01  # of the innovations' mean square that must be gap for a ceiling to mean anything
@@ -42,34 +42,6 @@ TEMPLATE = Path(__file__).parent / "report.html"
 LONGEST_CORRELATION = 40  # rows
 CELLS = 8  # of a map, along either axis
 Cars = dict[str, Fit]  # the fits that are drawn, by the name of their car
-
-
-@dataclasses.dataclass(frozen=True)
-class LimitRow:
-    """One bar of the detection limits."""
-
-    name: str
-    named: bool  # some magnitude within reach would be
-    share: float  # of the end of the practical range; of the reach where none would be
-    least: str
-    taken_for: str
-
-
-def limit_rows(limits: Mapping[str, Mapping[str, object]], vehicle: VehicleParameters) -> list[LimitRow]:
-    """Detection limits (`Answer.details["detection"]`) as bars, the smallest first; what cannot be named comes last."""
-    rows = []
-    for name, limit in limits.items():
-        info, least = CATALOGUE[name], limit["least"]
-        taken_for, unit = str(limit["taken_for"]), info.suffix
-        if not isinstance(least, float):
-            rows.append(LimitRow(name, False, REACH, "", taken_for))
-            continue
-        low, high = info.range_for(vehicle)
-        # A rate limit acts more the smaller it is.
-        share = low / least if name in LIMITS else least / max(abs(low), abs(high))
-        text = f"{'up to ' if name in LIMITS else '±' if info.signed else ''}{significant(least, 2)}{unit}"
-        rows.append(LimitRow(name, True, share, text, taken_for))
-    return sorted(rows, key=lambda row: (not row.named, row.share))
 
 
 def in_doubt(answer: Answer, limits: Sequence[LimitRow], nearest: Sequence[str] = ()) -> list[str]:
@@ -117,7 +89,7 @@ def overlay(d: Diagnosis, index: int, cars: Cars) -> Markup:
             left = [Line(name, rows * run.period, run.y[rows, i] - values[:, i])
                     for name, (rows, values) in predicted.items()]  # fmt: skip
             panels.append(Panel(f"measured less predicted [{UNITS[state]}]", left, LOW))
-    return stacked(panels, {} if onset is None else {"gap sets in": onset})
+    return placed(stacked(panels, {} if onset is None else {"gap sets in": onset}))
 
 
 def squares(problem: Problem, fit: Fit) -> list[np.ndarray]:
@@ -134,7 +106,7 @@ def time_line(d: Diagnosis, errors: dict[str, list[np.ndarray]]) -> Markup:
     for i, run in enumerate(d.problem.runs):
         lines = [Line(name, start_rows(run) * run.period, np.sqrt(by_run[i])) for name, by_run in errors.items()]
         panels.append(Panel(f"{run.name}: error at 0.5 s [noise levels]", lines, 90, log=True))
-    return stacked(panels)
+    return placed(stacked(panels))
 
 
 def heat_maps(d: Diagnosis, errors: dict[str, list[np.ndarray]]) -> list[Markup]:
@@ -157,7 +129,7 @@ def heat_maps(d: Diagnosis, errors: dict[str, list[np.ndarray]]) -> list[Markup]
             total, _, _ = np.histogram2d(place[:, a], place[:, b], bins=edges, weights=value)
             mean = np.sqrt(np.where(count > 0, total / np.maximum(count, 1), np.nan))
             labels = (f"{name} car", x_name, y_name, "error [noise levels]")
-            maps.append(heat_map(edges[0].round(4), edges[1].round(4), mean, texts, labels, top))
+            maps.append(placed(heat_map(edges[0].round(4), edges[1].round(4), mean, texts, labels, top)))
     return maps
 
 
@@ -179,7 +151,7 @@ def correlations(d: Diagnosis, cars: Cars) -> Markup:
             cross.append(Line(name, lags, mean[1]))
         panels += [Panel(f"{CHANNELS[channel]} with itself", auto, 130),
                    Panel(f"{CHANNELS[channel]} with steering", cross, 130)]  # fmt: skip
-    return side_by_side(panels, "lag [s]")
+    return placed(side_by_side(panels, "lag [s]"))
 
 
 def correlation(a: np.ndarray, b: np.ndarray) -> np.ndarray:
@@ -196,21 +168,23 @@ def error_by_horizon(d: Diagnosis) -> Markup:
         for values, colour, label in ((r.before, "", "nominal"), (r.after, "", "corrected"),
                                       (r.floor, NORMAL, "best fit to everything"))
     ]  # fmt: skip
-    return side_by_side([Panel("error [noise levels]", lines, 200, log=True)], "horizon [s]", columns=1, log_x=True)
+    return placed(
+        side_by_side([Panel("error [noise levels]", lines, 200, log=True)], "horizon [s]", columns=1, log_x=True)
+    )
 
 
 def isolability_matrix(found: Isolability) -> Markup:
     """How alike the effects' signatures are in these logs."""
     texts = [["" if q < 0.9 else f"{100 * q:.0f}" for q in row] for row in found.likeness]
     labels = ("", "", "", "likeness")
-    return heat_map(list(found.names), list(found.names), found.likeness, texts, labels, 1.0, 560)
+    return placed(heat_map(list(found.names), list(found.names), found.likeness, texts, labels, 1.0, 560))
 
 
 def uncertainty(cells: dict[str, Any]) -> Markup:
     """The learnt model's predictive deviation over speed and sideslip, with sample counts."""
     texts: Sequence[Sequence[str]] = [[f"{n}" if n else "" for n in column] for column in cells["count"]]
     labels = ("", "speed [m/s]", "sideslip [rad]", "deviation [noise levels]")
-    return heat_map(cells["speed"], cells["sideslip"], np.array(cells["deviation"], dtype=float), texts, labels)
+    return placed(heat_map(cells["speed"], cells["sideslip"], np.array(cells["deviation"], dtype=float), texts, labels))
 
 
 def comparison(d: Diagnosis) -> dict[str, float]:
@@ -254,15 +228,16 @@ def look_alikes(found: Isolability) -> list[tuple[str, str, float]]:
 
 
 def gap_charts(d: Diagnosis) -> dict[str, Any]:
-    """What shows the gap, and with a named cause what is left of it; nothing where there is none."""
-    if d.answer.verdict == "none":
-        return {}
+    """What shows the gap, and with a named cause what is left of it; where there is none, the predictions alone."""
     cars = {"nominal": no_effects(d.problem)} | ({"corrected": d.fit} if d.answer.verdict == "effect" else {})
+    overlays = [(d.problem.runs[i].name, overlay(d, i, cars)) for i in worst_runs(d)]
+    if d.answer.verdict == "none":
+        return {"overlays": overlays}
     errors = {name: squares(d.problem, fit) for name, fit in cars.items()}
     charts = {
         "time_line": time_line(d, errors),
         "heat_maps": heat_maps(d, errors),
-        "overlays": [(d.problem.runs[i].name, overlay(d, i, cars)) for i in worst_runs(d)],
+        "overlays": overlays,
         "correlations": correlations(d, cars),
     }
     if d.answer.verdict == "effect":
@@ -291,6 +266,7 @@ def report_html(d: Diagnosis, source: Source | None = None) -> str:
         comparison=comparison(d) if answer.verdict == "effect" else {},
         nearest=answer.details.get("nearest"),
         limits=limits,
+        how=driving(all_driven(d.runs, d.problem.vehicle)) if d.runs else None,
         reach=REACH,
         unexcited=signatures.unexcited(),
         alike=look_alikes(signatures),

@@ -7,7 +7,12 @@ import numpy as np
 
 from drift_drake.common.arrays import Array
 from drift_drake.gap.logs.screening.averaging import Columns
+from drift_drake.gap.logs.screening.gains import Bounds
 from drift_drake.gap.logs.screening.kinematics import Kinematics, motion_of_columns
+from drift_drake.gap.logs.screening.redundancy import arm_found
+from drift_drake.gap.logs.screening.steering import ratio_found
+from drift_drake.view.colours import RUNS
+from drift_drake.view.pages.charts import Line, Panel
 
 LIVELIEST = 0.1  # [rad/s] yaw rate from which the steering ratio can be read off
 GENTLE = 3.0  # [m/s^2] of v r up to which a car goes where it steers
@@ -50,6 +55,38 @@ def overlays(runs: Sequence[Columns], period: float, wheelbase: float | None = N
         for column, against, unit, measured, expected in _pairs(m, wheelbase)
     ]
     return [clean for one in found if (clean := _there(one)) is not None]
+
+
+class Estimates(NamedTuple):
+    """Numbers of a mapping that gentle driving tells, each None where it does not.
+
+    steering: how many times as large delta_cmd is as turns ask for; ahead, left: of the centre of gravity [m], where
+    the speed is measured, less what the mapping says of it already.
+    """
+
+    steering: Bounds | None = None
+    ahead: Bounds | None = None
+    left: Bounds | None = None
+
+
+def estimates(runs: Sequence[Columns], period: float, wheelbase: float | None = None) -> Estimates:
+    """The estimates that the columns allow; arguments as of `overlays`."""
+    runs = [columns for columns in runs if {"r", "v"} <= set(columns) and len(np.asarray(columns["v"])) > 1]
+    if not runs:
+        return Estimates()
+    m = motion_of_columns(runs, [period] * len(runs))
+    return Estimates(None if wheelbase is None else ratio_found(m, wheelbase), *arm_found(m, wheelbase))
+
+
+def panels_of(found: Sequence[Overlay]) -> list[Panel]:
+    """A panel a column: as it was measured, and what others say."""
+    return [
+        Panel(
+            f"{one.column} [{one.unit}] against {one.against.split(',')[0]}",
+            [Line("measured", one.t, one.measured), Line("by other columns", one.t, one.expected, RUNS[1])], 110,
+        )
+        for one in found
+    ]  # fmt: skip
 
 
 def _pairs(m: Kinematics, wheelbase: float | None) -> list[tuple[str, str, str, Array, Array]]:

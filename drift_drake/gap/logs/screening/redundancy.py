@@ -231,6 +231,15 @@ def arm_doubts(m: Kinematics, wheelbase: float | None) -> list[Suspicion]:
     return [Suspicion(sentence, "v", None, "; ".join(says for _, _, says in where), point=(point[0], point[1]))]
 
 
+def arm_found(m: Kinematics, wheelbase: float | None) -> tuple[Bounds | None, Bounds | None]:
+    """How far ahead and to the left [m] of the centre of gravity the speed is measured, where the columns tell."""
+    left, ahead = _arm_by_accelerations(m)
+    several = ([at for at in found if at is not None] for found in (ahead, (_arm_by_wheels(m), *left)))
+    closest = [min(found, key=_width, default=None) for found in several]
+    known = [at if at is not None and 0.5 * _width(at) < UNSURE * (wheelbase or LENGTH) else None for at in closest]
+    return known[0], known[1]
+
+
 def undecided_arm(m: Kinematics, wheelbase: float | None) -> list[str]:
     """What cannot be known of the point where the speed is measured."""
     left, ahead = _arm_by_accelerations(m)

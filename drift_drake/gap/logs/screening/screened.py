@@ -16,6 +16,9 @@ MEASURED = ("x", "y", "psi", "r", "v", "beta", "omega_r", "ax", "ay")  # command
 ANGLES = ("psi", "beta")  # that may be wrapped
 LISTED = 3  # spikes of a column that are reported one by one
 
+REACHED_UNITS = {"speed": "m/s", "lateral acceleration": "m/s^2", "sideslip": "rad", "steering": "rad",
+                 "steering rate": "rad/s"}  # fmt: skip
+
 Span = tuple[int, int]
 
 

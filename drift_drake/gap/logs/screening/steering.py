@@ -8,7 +8,7 @@ from drift_drake.car.log.plausible import LARGEST
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.gap.logs.clock_offset import estimate_offset
 from drift_drake.gap.logs.screening.averaging import Columns
-from drift_drake.gap.logs.screening.gains import gain
+from drift_drake.gap.logs.screening.gains import Bounds, gain
 from drift_drake.gap.logs.screening.kinematics import Kinematics
 from drift_drake.gap.logs.screening.relations import GRIP
 from drift_drake.gap.logs.screening.suspicions import Suspicion
@@ -33,8 +33,8 @@ THINNED = 5  # rows that change too little from one to the next to tell more tha
 LIKENESS, ALIKE = 0.8, 0.7  # correlation of steering and yaw rate from which clocks are asked, and a lead is believed
 
 
-def ratio_doubts(m: Kinematics, length: float) -> list[Suspicion]:
-    """A steering ratio that gentle turns contradict.
+def ratio_found(m: Kinematics, length: float) -> Bounds | None:
+    """How many times as large the steering commands are as gentle turns ask for, where they tell.
 
     The steered angle is (L + K v^2) r / v: what goes with r / v tells the ratio, what goes with v r the understeer.
 
@@ -44,7 +44,12 @@ def ratio_doubts(m: Kinematics, length: float) -> list[Suspicion]:
     slow = (np.abs(m.turned) < GENTLE) & (np.abs(np.nan_to_num(m.beta)) < STEADY)
     w = m.where(slow)
     asked = length * w.r / w.v
-    found = gain(w.delta_cmd, asked, np.column_stack([w.turned, w.spin / w.v, w.lag(asked)]), w.block)
+    return gain(w.delta_cmd, asked, np.column_stack([w.turned, w.spin / w.v, w.lag(asked)]), w.block)
+
+
+def ratio_doubts(m: Kinematics, length: float) -> list[Suspicion]:
+    """A steering ratio that gentle turns contradict; length: the wheelbase [m]."""
+    found = ratio_found(m, length)
     if found is None or not found.beyond(1.0, MARGIN):
         return []
     says = (

@@ -4,6 +4,7 @@ import json
 
 import numpy as np
 import pytest
+from browser import check_charts, check_looks, needs_browser
 
 from drift_drake.car.effects.magnitudes import Effects
 from drift_drake.car.log.table import Run, write_run
@@ -125,3 +126,18 @@ def test_a_mistyped_effect_or_column_is_guessed(files, capsys):
     assert "did you mean friction_level" in capsys.readouterr().err
     assert main([*asked, "--without", "bta"]) == 2
     assert "did you mean beta" in capsys.readouterr().err
+
+
+@needs_browser
+def test_a_report_shows_what_is_used_and_what_would_be_seen(files, tmp_path, browser):
+    plain, page = tmp_path / "plain.html", tmp_path / "check.html"
+    assert main(["check", str(files / "monday"), "--report", str(plain)]) == 0
+    assert "Nothing looks wrong" in plain.read_text(encoding="utf-8")
+    words = ["check", str(files / "monday"), "--vehicle", str(files / "car.yaml"), "--report", str(page)]
+    assert main(words) == 0
+    text = page.read_text(encoding="utf-8")
+    assert text.count('class="timeline"') == 4
+    assert text.count('role="listitem"') > 20  # least sizes of effects
+    assert "drift-drake check" in text
+    check_charts(page)
+    check_looks(browser, plain, page)

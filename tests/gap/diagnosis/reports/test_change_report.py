@@ -7,13 +7,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from browser import check_charts, needs_browser
+from browser import check_charts, check_looks, needs_browser
 
 from drift_drake.car.effects.catalogue import CATALOGUE, shown_by
 from drift_drake.car.parameters import VehicleParameters
-from drift_drake.gap.diagnosis.reports.change_report import by_horizon, coverage_rows, overlay, report_html
-from drift_drake.gap.diagnosis.reports.report import limit_rows
+from drift_drake.gap.diagnosis.reports.change_report import by_horizon, coverage_rows, overlay, report_html, worst_run
 from drift_drake.gap.estimation.prior import REACH
+from drift_drake.gap.evidence.limit_rows import limit_rows
 from drift_drake.view.pages.page import Source
 
 
@@ -29,7 +29,7 @@ def test_a_named_cause_is_shown_with_its_pictures_and_the_command_that_applies_i
     said = text_of(html)
     answer = late_day.answer
     assert answer.sentence() in said
-    assert html.count('class="chart"') == 3
+    assert html.count('class="chart"') == 5  # with both of how it was driven
     assert '"name":"corrected"' in html
     assert "drift-drake apply late.json --vehicle car.yaml --out corrected.yaml" in said
     for word in (
@@ -46,15 +46,50 @@ def test_a_named_cause_is_shown_with_its_pictures_and_the_command_that_applies_i
 
 
 @needs_browser
-def test_its_charts_are_drawn(late_day, tmp_path):
-    (tmp_path / "late.html").write_text(report_html(late_day), encoding="utf-8")
-    check_charts(tmp_path / "late.html")
+def test_its_charts_are_drawn(late_day, plain_day, tmp_path):
+    paths = tmp_path / "late.html", tmp_path / "plain.html"
+    for path, day in zip(paths, (late_day, plain_day), strict=True):
+        path.write_text(report_html(day), encoding="utf-8")
+    check_charts(*paths)
 
 
-def test_without_a_gap_none_is_drawn_and_limits_lead(plain_day):
+def test_it_is_readable_in_the_dark_and_on_a_phone(late_day, plain_day, tmp_path, browser):
+    paths = tmp_path / "late.html", tmp_path / "plain.html"
+    for path, day in zip(paths, (late_day, plain_day), strict=True):
+        path.write_text(report_html(day), encoding="utf-8")
+    check_looks(browser, *paths)
+
+
+def test_a_rival_is_laid_over_by_a_click_and_its_size_by_a_slider(late_day, tmp_path, browser):
+    path = tmp_path / "late.html"
+    path.write_text(report_html(late_day), encoding="utf-8")
+    page = browser.new_page()
+    page.goto(path.as_uri())
+    drawn = """document.querySelector("#overlay .chart").data
+      .filter(line => line.name === "with the effect tried").map(line => [...line.y])"""
+    assert [len(y) for y in page.evaluate(drawn)] == [0] * 8
+    page.get_by_role("button", name="steering_delay").click()
+    predicted = page.evaluate(drawn)
+    day, run = late_day.search.day, worst_run(late_day)
+    right = day.errors_with({"steering_delay": late_day.answer.magnitudes["steering_delay"].estimate})
+    windows = day.run == run
+    # Half a second ahead, between two sizes that were simulated; every second of the lines is of errors.
+    np.testing.assert_allclose(predicted[1], right[windows, -1, 0], atol=0.02)
+    said = float(re.search(r"are (\S+) of", page.locator("#said").inner_text())[1])
+    assert said < 0.1
+    page.get_by_label("size").focus()
+    page.keyboard.press("Home")  # the least size
+    assert page.locator("#said").inner_text().startswith("0 s: squared errors are 1 of")
+    np.testing.assert_allclose(page.evaluate(drawn)[1], day.errors[windows, -1, 0], atol=1e-3)
+    page.close()
+
+
+def test_without_a_gap_predictions_driving_and_limits_are_drawn(plain_day):
     html = report_html(plain_day)
-    assert 'class="chart"' not in html
-    assert "plotly.js v" not in html
+    assert html.count('class="chart"') == 3
+    assert html.count('class="timeline"') == len(plain_day.runs)
+    assert "Where the gap is" not in html
+    assert '"name":"corrected"' not in html
     assert "What these logs could have shown" in html
     assert "drift-drake apply" not in html
     for name in plain_day.answer.details["detection"]:
@@ -63,7 +98,7 @@ def test_without_a_gap_none_is_drawn_and_limits_lead(plain_day):
 
 def test_an_unknown_gap_has_a_place_and_no_corrected_car(strange_day):
     html = report_html(strange_day)
-    assert html.count('class="chart"') == 3
+    assert html.count('class="chart"') == 5
     assert "Where the gap is" in html
     assert '"name":"corrected"' not in html
     assert "drift-drake apply" not in html

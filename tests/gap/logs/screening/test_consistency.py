@@ -10,6 +10,7 @@ from scipy.signal import butter, filtfilt
 from drift_drake.car.log.table import COLUMNS
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.gap.logs.screening.consistency import consistency, consistency_of
+from drift_drake.gap.logs.screening.overlays import estimates
 from experiments.benchmarks.log_mutations import held, mapped_wrongly, measured_at, with_factors
 
 CAR = dataclasses.replace(VehicleParameters(), front_axle_distance=1.2, rear_axle_distance=LENGTH - 1.2)
@@ -93,6 +94,16 @@ def test_a_point_of_measurement_away_from_the_centre(ahead, left):
     assert "add measured_point: [" in sentence
     point = [float(q) for q in sentence.split("[")[1].split("]")[0].split(",")]
     assert point == pytest.approx([ahead, left], abs=0.15)
+
+
+def test_gentle_driving_tells_the_ratio_and_the_point():
+    log = measured_at(kinematic_log(60.0), 1.2, 0.5)
+    columns = {name: log.column(name) for name in ("r", "v", "beta", "omega_r", "ax", "ay", "psi", "x", "y")}
+    found = estimates([columns | {"delta_cmd": 15.0 * log.delta_cmd}], log.period, LENGTH)
+    assert found.ahead.middle == pytest.approx(1.2, abs=0.15)
+    assert found.left.middle == pytest.approx(0.5, abs=0.15)
+    assert found.steering.middle == pytest.approx(15.0, rel=0.03)
+    assert estimates([columns | {"delta_cmd": log.delta_cmd}], log.period).steering is None  # no wheelbase
 
 
 def test_without_accelerations_the_wheels_tell_it(log):

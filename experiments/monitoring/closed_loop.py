@@ -160,18 +160,24 @@ def believed_of(plant: OwnCar, calibration: Path | None) -> Believed:
     return Believed(simulator(plant), Effects(), filters)
 
 
-def normal_drives(plant: OwnCar, seeds: Sequence[int] = NORMAL_SEEDS) -> list[Run]:
-    """Drives of a plant under the controller that believes the simulator's car."""
-    loop = closed_loop(plant)
+def normal_drives(plant: OwnCar, seeds: Sequence[int] = NORMAL_SEEDS, believed: Believed | None = None) -> list[Run]:
+    """Drives of a plant under a controller that believes the simulator's car, or another one."""
+    loop = closed_loop(plant, believed=believed)
     return [as_log(loop.run(loop.initial_context(seed)).table) for seed in seeds]
 
 
 def calibrate(plant: OwnCar, folder: Path) -> None:
-    """Writes the calibrated car of a plant, if it is not there."""
-    if not is_done(folder / f"{plant}.json"):
-        found = identify(normal_drives(plant), simulator(plant), case=plant, criterion="prediction", car="single-track")
-        write_vehicle(folder / f"{plant}.yaml", found.vehicle, found.effects)
-        write_json(folder / f"{plant}.json", found.calibration)
+    """Writes the calibrated car of a plant, if it is not there: from drives by the simulator's car, then from drives by
+    the car that is found of these, since what is driven with it is driven harder."""
+    if is_done(folder / f"{plant}.json"):
+        return
+    runs = normal_drives(plant)
+    first = identify(runs, simulator(plant), case=plant, criterion="prediction", car="single-track", watching=False)
+    believed = Believed(first.vehicle.single_track(), first.effects, make_monitor(simulator(plant)))
+    runs += normal_drives(plant, believed=believed)
+    found = identify(runs, simulator(plant), case=plant, criterion="prediction", car="single-track")
+    write_vehicle(folder / f"{plant}.yaml", found.vehicle, found.effects)
+    write_json(folder / f"{plant}.json", found.calibration)
 
 
 def as_log(table: pd.DataFrame) -> Run:

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from experiments.monitoring.by_windows import poisson
 from experiments.monitoring.comparison import NoDrivesError, read_results
 from experiments.monitoring.scoring import named_at, score, table, threshold
 
@@ -75,3 +76,8 @@ def test_a_peer_s_threshold_is_what_it_reaches_without_a_change() -> None:
 def test_a_folder_without_drives_is_one_sentence(tmp_path: Path) -> None:
     with pytest.raises(NoDrivesError, match="has no drives of the seeds 5000 to 5001; make them with 'python -m"):
         read_results(tmp_path, "nominal", 5000, 2)
+
+
+def test_intervals_of_counts_are_those_of_tables() -> None:
+    """Garwood 1936, as tabled for radiation counts: of none up to 3.69, of three from 0.62 to 8.77."""
+    np.testing.assert_allclose([poisson(0), poisson(3)], [(0.0, 3.69), (0.62, 8.77)], atol=0.005)

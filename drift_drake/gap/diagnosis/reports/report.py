@@ -232,7 +232,7 @@ def gap_charts(d: Diagnosis) -> dict[str, Any]:
     cars = {"nominal": no_effects(d.problem)} | ({"corrected": d.fit} if d.answer.verdict == "effect" else {})
     overlays = [(d.problem.runs[i].name, overlay(d, i, cars)) for i in worst_runs(d)]
     if d.answer.verdict == "none":
-        return {"overlays": overlays}
+        return {"overlays": overlays, "time_line": ""}
     errors = {name: squares(d.problem, fit) for name, fit in cars.items()}
     charts = {
         "time_line": time_line(d, errors),

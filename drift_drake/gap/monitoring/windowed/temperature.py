@@ -3,14 +3,15 @@
 The statistic of Shiryaev and Roberts is a sum over onsets of likelihood ratios, in seconds; while nothing changes it
 reaches a level of A seconds once in A seconds at most, in the mean (Pollak 1985). Where a car's errors have heavier
 tails than the null distribution, as after steps of the steering, it comes higher. Evidence is divided by the least
-temperature at which the statistic, over the calibration's own recordings, stays below the time that they took.
+temperature at which the statistic, over the calibration's own recordings, stays below the time that they took, and by
+`beyond` more, since they are shorter than the time between false alarms.
 """
 
 from collections.abc import Sequence
 
 import numpy as np
 
-from drift_drake.gap.monitoring.evidence import HAZARD, EvidenceProblem
+from drift_drake.gap.monitoring.evidence import FALSE_ALARMS, HAZARD, EvidenceProblem
 from drift_drake.gap.monitoring.history import no_history, of_parts, older_than, since, until, with_block
 from drift_drake.gap.monitoring.monitor import FORGETTING
 from drift_drake.gap.monitoring.windowed.null import Null, capped, judged, whitened
@@ -19,6 +20,7 @@ from drift_drake.gap.monitoring.windowed.sums import WindowSums
 LEAST, MOST = 1.2, 100.0
 """The least was set on a sedan of others' simulators, on its hardest drives without a change."""
 EXACT = 1.05  # factor to which it is found
+FEWEST = 50  # windows that a calibration is taken to have
 
 Scores = tuple[np.ndarray, np.ndarray, np.ndarray]  # ages [a], whitened scores [a, n], their mean [a, n, K]
 
@@ -26,14 +28,26 @@ Scores = tuple[np.ndarray, np.ndarray, np.ndarray]  # ages [a], whitened scores 
 def temperature_of(problem: EvidenceProblem, null: Null, recordings: Sequence[Sequence[WindowSums]]) -> float:
     """The temperature of a car's evidence, from the sums of its recordings' windows; null: of any temperature."""
     scores = [one for sums in recordings for one in scores_of(null._replace(temperature=1.0), sums)]
-    seconds = null.seconds * max(len(scores), 1)
-    low, high = LEAST, MOST
+    count = max(len(scores), FEWEST)
+    seconds, more = null.seconds * count, beyond(count, null.seconds)
+    low, high = LEAST / more, MOST
     if largest(problem, null, scores, low) <= seconds:
-        return low
+        return LEAST
     while high > EXACT * low:
         middle = float(np.sqrt(low * high))
         low, high = (low, middle) if largest(problem, null, scores, middle) <= seconds else (middle, high)
-    return high
+    return more * high
+
+
+def beyond(windows: int, seconds: float) -> float:
+    """Factor on a temperature that so many windows show, each of so many seconds, for the default rate of false alarms.
+
+    Errors are taken to have an exponential distribution's tails: the largest of n grows as log(n), and evidence, which
+    is quadratic in it, as the square of that; the level that may be reached grows as the logarithm of time.
+    """
+    time = 3600.0 / FALSE_ALARMS
+    grown = (np.log(time / seconds) / np.log(windows)) ** 2
+    return float(max(grown * np.log(windows * seconds) / np.log(time), 1.0))
 
 
 def scores_of(null: Null, sums: Sequence[WindowSums]) -> list[Scores]:

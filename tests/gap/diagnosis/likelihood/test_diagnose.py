@@ -107,10 +107,12 @@ def as_verdict(diagnosis, verdict):
     return report_html(dataclasses.replace(diagnosis, answer=answer))
 
 
-def test_without_a_gap_none_is_drawn_and_what_could_have_been_shown_is(diagnosis):
+def test_without_a_gap_predictions_driving_and_limits_are_drawn(diagnosis):
     html = as_verdict(diagnosis, "none")
     assert "What these logs could have shown" in html
-    for absent in ("Where the gap is", "drift-drake apply", '"name":"nominal"', '"name":"corrected"'):
+    assert html.count('class="timeline"') == len(diagnosis.runs)
+    assert '"name":"nominal"' in html
+    for absent in ("Where the gap is", "drift-drake apply", '"name":"corrected"'):
         assert absent not in html
 
 

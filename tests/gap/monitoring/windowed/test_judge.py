@@ -9,7 +9,7 @@ from drift_drake.gap.monitoring.evidence import HAZARD, NONE_OF_THE_CATALOGUE, a
 from drift_drake.gap.monitoring.history import History, no_history, with_block
 from drift_drake.gap.monitoring.windowed.null import as_before, log_ratio, verdict_of
 from drift_drake.gap.monitoring.windowed.sums import WindowSums, no_windows
-from drift_drake.gap.monitoring.windowed.temperature import EXACT, LEAST, largest, scores_of, temperature_of
+from drift_drake.gap.monitoring.windowed.temperature import EXACT, LEAST, beyond, largest, scores_of, temperature_of
 from tests.gap.monitoring.windowed.simulated import INFORMATION, NODES, SECONDS, N, null_of_white_scores, window
 
 PROBLEM = evidence_problem(NODES, np.zeros(N))
@@ -69,16 +69,22 @@ def test_false_alarms_come_no_more_often_than_was_asked(per_hour: float) -> None
     assert alarms <= most + 2.0 * np.sqrt(most)
 
 
-def test_the_temperature_holds_the_statistic_of_heavy_tails_below_the_time_that_they_took() -> None:
-    """White scores keep the least one; scores that are at times three times as large need more."""
+def test_the_temperature_holds_the_statistic_of_heavy_tails_below_the_time() -> None:
+    """Scores that are at times three times as large need a higher one than white scores."""
     null, count = null_of_white_scores(), 150
     white = drive(np.random.default_rng(8), count, count, np.zeros(N))
     bursts = [one._replace(score=one.score * (3.0 if i % 30 < 3 else 1.0)) for i, one in enumerate(white)]
-    assert temperature_of(PROBLEM, null, [white]) == LEAST
     found = temperature_of(PROBLEM, null, [bursts])
-    assert LEAST < found < 9.0
-    scores = scores_of(null, bursts)
-    assert largest(PROBLEM, null, scores, found) <= count * SECONDS < largest(PROBLEM, null, scores, found / EXACT)
+    assert LEAST <= temperature_of(PROBLEM, null, [white]) < found
+    scores, shown = scores_of(null, bursts), found / beyond(count, SECONDS)
+    seconds = count * SECONDS
+    assert largest(PROBLEM, null, scores, shown) <= seconds < largest(PROBLEM, null, scores, shown / EXACT)
+
+
+def test_a_temperature_grows_with_what_recordings_are_too_short_for() -> None:
+    """Of 12,000 s, 60,000 windows, nothing; of their square root a quarter of the evidence, at 0.415 of the level."""
+    assert beyond(60_000, 0.2) == pytest.approx(1.0)
+    assert beyond(245, 0.2) == pytest.approx(4.0 * np.log(49.0) / np.log(12_000.0), rel=0.01)
 
 
 def test_a_change_is_found_soon_with_its_cause_and_onset() -> None:

@@ -96,7 +96,7 @@ def test_late_steering_is_reported_with_its_onset_and_rivals(files: Path, capsys
     changes = [event for event in events if event["event"] == "change"]
     assert len(changes) == 1
     assert ONSET < changes[0]["t"] < ONSET + 3.0
-    assert changes[0]["onset"] == pytest.approx(ONSET, abs=0.5)
+    assert changes[0]["onset"] == pytest.approx(ONSET, abs=0.7)  # a window of half a second begins each 0.2 s
     last = [event for event in events if event["event"] in ("change", "cause")][-1]
     like = {"steering_delay", "steering_lag", "sensor_latency"}
     assert last["cause"] in like

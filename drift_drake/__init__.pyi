@@ -54,14 +54,14 @@ from .drive.reference.trajectory import Reference as Reference
 from .drive.reference.trajectory import figure_8 as figure_8
 from .drive.reference.trajectory import loops as loops
 from .drive.reference.trajectory import straight_line as straight_line
-from .gap.choose.choose import choose as choose
+from .gap.choose.choice import choose as choose
 from .gap.diagnosis.answers.answer import Answer as Answer
 from .gap.diagnosis.answers.answer import read_answer as read_answer
 from .gap.diagnosis.answers.apply import corrected_vehicle as corrected_vehicle
 from .gap.diagnosis.check.check import check as check
 from .gap.diagnosis.diagnose import diagnose as diagnose
 from .gap.diagnosis.reports.any_report import report as report
-from .gap.identification.from_logs import identify as identify
+from .gap.identification.identify import identify as identify
 from .gap.logs.importing.import_logs import import_logs as import_logs
 from .gap.monitoring.watch_log import watch as watch
 from .gap.next_drive.plan import plan_from_answer as plan_from_answer

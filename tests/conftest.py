@@ -16,6 +16,7 @@ from drift_drake.drive.learnt.checkpoint import load_model
 from drift_drake.gap.estimation.normal import Normal
 from drift_drake.gap.identification import identify as identification
 from drift_drake.gap.identification.calibration import Identification
+from drift_drake.gap.identification.stated import Asked
 from experiments.benchmarks.compiled_cases import make_case
 from experiments.benchmarks.truths import Truth
 from experiments.other_worlds.days import Days, first_guess, make_day
@@ -98,11 +99,12 @@ def other_car():
     runs, guess = make_day(OTHER_CAR, {}, DAY_ONE, 0), first_guess(OTHER_CAR.car)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(identification, "FURTHER", ())
-        found = identification.identify(
-            runs, guess, case="short", names=("tyre_relaxation", "longitudinal_load_transfer"),
+        asked = Asked(
+            guess, case="short", names=("tyre_relaxation", "longitudinal_load_transfer"),
             known=("mass", "front_axle_distance", "rear_axle_inertia", "steering_offset"),
             tolerances=frozenset({"yaw_inertia", "torque"}), criterion="prediction", kind="single-track",
         )  # fmt: skip
+        found = identification.calibrate(runs, asked)
     return OtherCar(runs, guess, found)
 
 

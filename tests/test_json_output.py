@@ -12,7 +12,7 @@ from drift_drake.app import server
 from drift_drake.cli import demo
 from drift_drake.cli import drive_run as drive_command
 from drift_drake.cli.main import COMMANDS, load, main
-from drift_drake.gap.diagnosis import folders
+from drift_drake.gap.diagnosis import diagnose as diagnosing
 from drift_drake.gap.diagnosis.answers.answer import read_answer
 from drift_drake.gap.next_drive import foresight
 from drift_drake.gap.next_drive import plan as next_drive
@@ -114,6 +114,6 @@ def test_answers_of_many_cases_are_a_list(folder, capsys, monkeypatch):
         (folder / "cases" / name).mkdir(parents=True)
         (folder / "cases" / name / "run_0.csv").write_text("t\n")
     answer = read_answer(folder / "answer.json")
-    monkeypatch.setattr(folders, "diagnose_all", lambda *_, **__: [answer, answer])
+    monkeypatch.setattr(diagnosing, "diagnose_all", lambda *_, **__: [answer, answer])
     assert main(with_places(["DIR/cases", "--vehicle", "CAR", "--quiet", "--json", "-"], folder, "diagnose")) == 0
     assert [found["causes"] for found in json.loads(capsys.readouterr().out)] == [["aero_drag"]] * 2

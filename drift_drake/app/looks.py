@@ -29,8 +29,8 @@ def driven(folder: Path, vehicle: Path) -> "list[Driven]":
 def limits(outlook: Mapping[str, list[float | None]], vehicle: Path) -> Markup:
     """Bars of the least magnitudes that a later day would show; raises InvalidVehicleError."""
     from drift_drake.car.given_vehicle import vehicle_given
+    from drift_drake.gap.estimation.prior import REACH
     from drift_drake.gap.evidence.limit_rows import outlook_rows
-    from drift_drake.gap.evidence.ranges import REACH
 
     return part("limit_bars", outlook_rows(outlook, vehicle_given(vehicle).parameters.single_track()), REACH)
 

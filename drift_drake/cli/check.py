@@ -58,10 +58,6 @@ class Check:
 def run_check(command: Check) -> None:
     if command.calibration is not None:
         check_file(command.calibration, InvalidOptionError, "write it with 'drift-drake identify --json'")
-        if command.vehicle is None:
-            raise InvalidOptionError("--calibration is of a vehicle file; give --vehicle too")
-    if command.for_calibration and (command.vehicle is None or command.calibration is not None):
-        raise InvalidOptionError("--for-calibration is of a first guess; give --vehicle, and no --calibration")
     if command.vehicle is not None:
         read_car(command.vehicle)
     inputs = [path for path in (command.vehicle, command.calibration, *run_paths(command.logs)) if path is not None]
@@ -108,7 +104,7 @@ def sentences(checked: "Checked") -> list[str]:
         driven = sorted(checked.regions.items(), key=lambda item: -item[1])
         lines += ["driven:", *(f"  {seconds:5.1f} s  {name}" for name, seconds in driven)]
     if checked.for_calibration is not None:
-        from drift_drake.gap.diagnosis.check.for_calibration import said
+        from drift_drake.gap.diagnosis.check.with_vehicle import said
 
         lines += said(checked.for_calibration)
     return lines + could_show(checked.detection)

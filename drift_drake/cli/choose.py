@@ -43,7 +43,7 @@ def run_choose(command: Choose) -> None:
     try_outputs({"--out": command.out, "--json": command.json}, inputs)
     check_drives(read_case(command.logs), command.logs)
     with ended_at_once():
-        from drift_drake.gap.choose.choose import choose
+        from drift_drake.gap.choose.choice import choose
 
     with progress_bar(command.quiet) as show:
         choice = choose(command.logs, command.vehicle, progress=show)

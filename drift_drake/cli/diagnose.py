@@ -107,17 +107,13 @@ def run_diagnose(command: Diagnose) -> int:
     with ended_at_once():
         from drift_drake.gap.diagnosis.diagnose import trust_options
     options: dict[str, Any] = {
-        "own": own,
-        "catalogue": effects,
-        "without": tuple(command.without),
-        "every": command.every,
-        "most_seconds": command.most_seconds,
-    }
-    trust = trust_options(*trusting, effects)
+        "own": own, "catalogue": effects, "without": tuple(command.without), "every": command.every,
+        "most_seconds": command.most_seconds, **trust_options(*trusting, effects),
+    }  # fmt: skip
     if folders != [command.case]:
-        answers = _diagnose_many(command, vehicle, folders, options | trust)
+        answers = _diagnose_many(command, vehicle, folders, options)
     else:
-        answers = [_diagnose_one(command, trust["normal"] is not None, options)]
+        answers = [_diagnose_one(command, vehicle, options)]
     return GAP_FOUND if command.exit_code and any(answer.verdict != "none" for answer in answers) else 0
 
 
@@ -136,25 +132,19 @@ def chosen_effects(command: Diagnose) -> tuple[str, ...]:
     return chosen
 
 
-def _diagnose_one(command: Diagnose, by_prediction: bool, options: Mapping[str, Any]) -> Answer:
+def _diagnose_one(command: Diagnose, vehicle: CarParameters, options: Mapping[str, Any]) -> Answer:
     inputs = [command.vehicle, *([command.calibration] if command.calibration else []), *run_paths(command.case)]
     safe_files.try_outputs({"--json": command.json, "--report": command.report}, inputs)
     with ended_at_once():
-        from drift_drake.gap.diagnosis.diagnose import diagnose
+        from drift_drake.gap.diagnosis.diagnose import answer_folder
         from drift_drake.gap.estimation.filter import filter_run
         from drift_drake.gap.estimation.windows import predict_windows
-    if by_prediction:
+    if options["normal"] is not None:
         say_if_it_compiles(predict_windows, "the predictions")
     else:
         say_if_it_compiles(filter_run, "the filter")
-    further = {name: value for name, value in options.items() if name != "own"}
     with progress_bar(command.quiet) as show:
-        diagnosis = diagnose(
-            command.case, command.vehicle, command.calibration, process_scale=command.process_scale,
-            noise_scale=command.noise_scale, tempering=command.tempering, false_alarms=command.false_alarms,
-            workers=command.workers, progress=show,
-            **further,
-        )  # fmt: skip
+        diagnosis = answer_folder(command.case, vehicle, command.workers, progress=show, **options)
     _say(diagnosis.answer, to=said_to(command.json))
     if command.json is not None:
         write_text(command.json, diagnosis.answer.to_json())
@@ -189,7 +179,7 @@ def _diagnose_many(
     if before:
         print(f"{len(before)} of {count} cases are answered in {into}; --again redoes them", file=sys.stderr)
     with ended_at_once():
-        from drift_drake.gap.diagnosis.folders import diagnose_all
+        from drift_drake.gap.diagnosis.diagnose import diagnose_all
     only = [folder for folder in folders if folder not in before]
     run_on = ExecutorConfig("processes" if command.scheduler is None else "dask", command.workers, command.scheduler)
 

@@ -67,7 +67,7 @@ def run_identify(command: Identify) -> None:
     try_outputs(outputs, [command.vehicle, *logs])
     with ended_at_once():
         from drift_drake.gap.estimation.filter import filter_run
-        from drift_drake.gap.identification.from_logs import identify
+        from drift_drake.gap.identification.identify import identify
     if not isinstance(first, SimulatorCar):
         say_if_it_compiles(filter_run, "the filter")
     with progress_bar(command.quiet) as show:
@@ -96,8 +96,8 @@ def run_identify(command: Identify) -> None:
 
 def summary(found: "Identification", json: Path | None = None) -> str:
     """The calibration in sentences; `json` is where it goes."""
+    from drift_drake.gap.identification.calibration import grouped
     from drift_drake.gap.identification.outlook import sentences as outlook_sentences
-    from drift_drake.gap.identification.unidentified import grouped
 
     c = found.calibration
     lines = [c.sentence()]

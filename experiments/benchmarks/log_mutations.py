@@ -9,7 +9,8 @@ import numpy as np
 from drift_drake.car.log.table import Run
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.gap.logs.screening.screened import MEASURED
-from drift_drake.gap.logs.screening.unit_mistakes import DEGREES, G
+
+DEGREES, G = 180.0 / np.pi, 9.80665
 
 
 def unit_mistakes(vehicle: VehicleParameters) -> dict[str, dict[str, float]]:

@@ -34,7 +34,7 @@ from drift_drake.gap.choose.choice import Choice, ask
 from drift_drake.gap.choose.identified import runs_of
 from drift_drake.gap.diagnosis.answers.apply import corrected_vehicle
 from drift_drake.gap.diagnosis.diagnose import diagnose
-from drift_drake.gap.identification.from_logs import identify
+from drift_drake.gap.identification.identify import identify
 from drift_drake.view.pictures.overhead import overhead
 from drift_drake.view.pictures.replay import replay
 from experiments.drifting.runs import Believes, DriveJob, Learnt, Maneuver, closed_loop, reference

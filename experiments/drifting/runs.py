@@ -38,10 +38,11 @@ from drift_drake.drive.learnt.posterior import Posterior
 from drift_drake.drive.learnt.quality import step_model
 from drift_drake.drive.loop.closed_loop import ClosedLoop, ControlConfig
 from drift_drake.drive.reference.trajectory import Reference, figure_8, loops
-from drift_drake.gap.choose.choice import SURPRISED, Choice, Familiar, Findings, usual_error, usual_surprise
+from drift_drake.gap.choose.choice import Choice, Familiar, Findings, usual_error
 from drift_drake.gap.choose.identified import IdentifiedCar
 from experiments.benchmarks.vehicles import Population, draw_effects
 from experiments.gathering.beliefs import ASKED, Attempt, Taught, gather_all
+from experiments.gathering.familiar import SURPRISED, usual_surprise
 from experiments.gathering.recipe import Extra, Recipe
 from experiments.other_worlds.true_cars import TrueCar, World, effects_in, oracle, true_car, true_plant
 from experiments.settings import keep_settings

@@ -33,7 +33,7 @@ from drift_drake.common.executors import ExecutorConfig, run_jobs
 from drift_drake.common.run_folder import is_done, write_results_table
 from drift_drake.common.safe_files import write_bytes, write_text
 from drift_drake.gap.diagnosis.answers.answer import answer_row, read_answer
-from drift_drake.gap.diagnosis.folders import answer_folder
+from drift_drake.gap.diagnosis.diagnose import answer_folder
 from drift_drake.gap.diagnosis.likelihood.diagnose import Diagnosis
 from experiments.benchmarks.compiled_cases import make_case
 from experiments.benchmarks.drake_cases import drake_case

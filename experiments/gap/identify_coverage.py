@@ -75,7 +75,7 @@ def one_vehicle(config: Config, index: int) -> dict[str, Any]:
     truth, rng = drawn_car(config, index)
     runs = (drake_case if config.plant == "drake" else make_case)(truth, vehicle, rng, config.duration)
     began = time.process_time()
-    found = identify(runs, vehicle, case=f"{index}", names=tuple(EFFECTS))
+    found = identify(runs, vehicle, case=f"{index}", effects=tuple(EFFECTS), watching=False)
     constants, offset = true_constants(vehicle, truth.deviations)
     true = constants._asdict() | truth.effects | {"steering_offset": offset}
     c = found.calibration

@@ -98,7 +98,7 @@ def one_vehicle(config: Config, index: int) -> dict[str, Any]:
     vehicle = VehicleParameters()
     rng = np.random.default_rng([config.seed, index])
     days = drawn_days(rng, index, vehicle)
-    found = identify(make_case(days.baseline, vehicle, rng, config.duration), vehicle)
+    found = identify(make_case(days.baseline, vehicle, rng, config.duration), vehicle, watching=False)
     answers = {}
     for day, truth in (("changed", days.changed), ("same", days.baseline)):
         runs = make_case(truth, vehicle, np.random.default_rng([config.seed, index, 2]), config.duration)

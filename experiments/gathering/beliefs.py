@@ -24,8 +24,9 @@ from drift_drake.drive.gathering.gather import drive_samples, gather, learn_driv
 from drift_drake.drive.gathering.plan import InfeasiblePlanError, Trajectory, plan_again, plan_drive
 from drift_drake.drive.learnt.checkpoint import BayesianModel
 from drift_drake.drive.learnt.posterior import Posterior
-from drift_drake.gap.choose.choice import Findings, ask, squared_distances
+from drift_drake.gap.choose.choice import Findings, ask
 from drift_drake.gap.choose.identified import IdentifiedCar, runs_of
+from experiments.gathering.familiar import squared_distances
 from experiments.other_worlds.true_cars import TrueCar, true_plant
 
 Attempt = tuple[int, int]  # vehicle, noise seed

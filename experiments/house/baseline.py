@@ -33,7 +33,7 @@ from drift_drake.common.run_folder import is_done, plain, write_json, write_vers
 from drift_drake.common.threads import one_blas_thread
 from drift_drake.drive.learnt.checkpoint import load_model
 from drift_drake.gap.diagnosis.answers.answer import Answer
-from drift_drake.gap.diagnosis.folders import answer_folder
+from drift_drake.gap.diagnosis.diagnose import answer_folder
 from drift_drake.gap.diagnosis.likelihood.diagnose import diagnose
 from drift_drake.view.exporting.logs import columns_of
 from experiments.benchmarks.compiled_cases import make_case

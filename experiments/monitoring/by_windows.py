@@ -23,7 +23,7 @@ from drift_drake.car.effects.magnitudes import Effects, make_effects
 from drift_drake.car.log.table import Run
 from drift_drake.car.vehicle_file import write_vehicle
 from drift_drake.common.run_folder import write_json
-from drift_drake.gap.identification.from_logs import identify
+from drift_drake.gap.identification.identify import identify
 from drift_drake.gap.monitoring.watch_log import OF_A_CHANGE, watch
 from experiments.made import tabulated, write_report
 from experiments.monitoring.drives import changed_double_track_drive

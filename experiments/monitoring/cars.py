@@ -12,7 +12,7 @@ from drift_drake.car.parameters import VehicleParameters
 from drift_drake.car.vehicle_file import read_vehicle, write_vehicle
 from drift_drake.common.run_folder import write_json
 from drift_drake.gap.identification.identify import identify
-from drift_drake.gap.monitoring.baseline_scores import with_baseline_scores
+from drift_drake.gap.monitoring.baselines import with_baseline_scores
 from drift_drake.gap.monitoring.monitor import Monitor
 from drift_drake.gap.monitoring.watch import monitor_of
 from experiments.other_worlds.days import Days, first_guess, make_day
@@ -43,7 +43,7 @@ def double_track_simulator(folder: Path) -> Simulator:
     days = Days(Path(), car=CAR, seed=SEED, duration=DURATION)
     runs, path = make_day(days, {}, DAY_ONE, 0), folder / "coupe.yaml"
     if not path.exists():
-        found = identify(runs, first_guess(CAR), case=CAR, criterion="prediction")
+        found = identify(runs, first_guess(CAR), case=CAR, criterion="prediction", watching=False)
         write_vehicle(path, found.vehicle, found.effects)
         write_json(folder / "calibration.json", found.calibration.sentence())
     vehicle, effects = read_vehicle(path)

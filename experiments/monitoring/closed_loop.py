@@ -39,9 +39,8 @@ from drift_drake.drive.learnt.quality import step_model
 from drift_drake.drive.loop.closed_loop import ClosedLoop
 from drift_drake.drive.loop.faults import Change, Fault
 from drift_drake.drive.reference.trajectory import Reference, figure_8
-from drift_drake.gap.identification.from_logs import identify
-from drift_drake.gap.monitoring.baseline_scores import with_baseline_scores
-from drift_drake.gap.monitoring.baselines import baseline_given, calibrated_watcher
+from drift_drake.gap.identification.identify import identify
+from drift_drake.gap.monitoring.baselines import baseline_given, calibrated_watcher, with_baseline_scores
 from drift_drake.gap.monitoring.events import Watcher
 from drift_drake.gap.monitoring.in_loop import CORRECTING, GapWatch, Policy, events_of
 from drift_drake.gap.monitoring.monitor import make_monitor

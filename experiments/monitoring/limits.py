@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from drift_drake.gap.evidence.ranges import SURE
+from drift_drake.gap.estimation.prior import SURE
 from drift_drake.gap.monitoring.evidence import HAZARD, EvidenceProblem, Sums, residual_scores
 
 

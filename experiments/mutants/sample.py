@@ -53,7 +53,7 @@ PARTS = {
     ),
     "metrics": (
         "drive/loop/metrics",
-        "gap/identification/whiteness",
+        "gap/identification/estimate",
         "drive/learnt/quality",
         "gap/identification/agreement",
     ),

@@ -16,7 +16,6 @@ from drift_drake.car.parameters import VehicleParameters
 from drift_drake.car.vehicle_file import read_vehicle, stated_tolerances
 from drift_drake.common.errors import DriftDrakeError
 from drift_drake.gap.diagnosis.calibrated.diagnose_change import search_of
-from drift_drake.gap.estimation.admitted import admit
 from drift_drake.gap.estimation.baseline import (
     Seen,
     Stretches,
@@ -27,10 +26,11 @@ from drift_drake.gap.estimation.learn_normal import Learnt, learn_normal
 from drift_drake.gap.estimation.normal import Normal
 from drift_drake.gap.estimation.prediction_constants import LEFT_OF_FITTED, LEFT_OF_OTHERS, REGULAR
 from drift_drake.gap.estimation.scores import flat_scores
-from drift_drake.gap.estimation.usable import seen_effects
+from drift_drake.gap.estimation.usable import admit, seen_effects
 from drift_drake.gap.evidence.posterior import NONE, UNKNOWN
 from drift_drake.gap.identification import by_prediction
-from drift_drake.gap.identification.identify import identify
+from drift_drake.gap.identification.identify import calibrate
+from drift_drake.gap.identification.stated import Asked
 from experiments.other_worlds.road import days_of
 
 FACTORS = (0.5, 2.0)
@@ -86,10 +86,11 @@ def calibrated(world: Path, folder: str) -> Calibrated:
 
     vehicle, effects = read_vehicle(world / "start.yaml")
     with patch.object(by_prediction, "learn_normal", learn):
-        found = identify(
-            read_case(world / folder), vehicle, effects, world.name, criterion="prediction", force=True,
+        asked = Asked(
+            vehicle, effects, world.name, criterion="prediction", force=True,
             tolerances=stated_tolerances(world / "start.yaml"), kind="single-track",
         )  # fmt: skip
+        found = calibrate(read_case(world / folder), asked)
     day, _, _, prior, least_deviations, left = given[-1]  # a second fit is the one that counts
     normal = found.calibration.normal
     assert normal is not None

@@ -105,7 +105,8 @@ def once(path: Path, work: Callable[..., Any], *arguments: Any) -> Any:
 def calibrate(folder: Path, name: str, case: Path, runs: list[Run], first: VehicleParameters,
               effects: tuple[str, ...]) -> Any:  # fmt: skip
     """Identifies a car; its vehicle file, report and numbers lie in the folder."""
-    found = identify(runs, first, case=name, known=HELD, names=effects, stated=RIM_NOISE | stated_noise(case))
+    found = identify(runs, first, case=name, known=HELD, effects=effects, stated=RIM_NOISE | stated_noise(case),
+                     watching=False)  # fmt: skip
     write_vehicle(folder / f"{name}.yaml", found.vehicle, found.effects)
     write_text(folder / f"{name}.html", identification_report.report_html(found))
     return found.calibration

@@ -18,7 +18,7 @@ from diagrams.command import run_command
 from drift_drake.car.log.table import Run, read_case, read_run
 from drift_drake.car.vehicle_file import read_vehicle
 from drift_drake.common.run_folder import is_done, make_run_folder, write_json, write_versions
-from drift_drake.gap.monitoring.baseline_scores import BaselineScores, calibrated_monitor, learn_baseline_scores
+from drift_drake.gap.monitoring.baselines import BaselineScores, calibrated_monitor, learn_baseline_scores
 from drift_drake.gap.monitoring.watch import rows_of, watched
 from experiments.made import tabulated, write_report
 from experiments.other_worlds.changes import CHANGES

@@ -23,12 +23,13 @@ from drift_drake.drive.loop.endings import RunLimits
 from drift_drake.drive.mpc.controller import MpcController
 from drift_drake.drive.reference.trajectory import figure_8
 from drift_drake.gap.choose import choice
-from drift_drake.gap.choose.choice import Findings, usual_surprise
+from drift_drake.gap.choose.choice import Findings
 from drift_drake.gap.choose.identified import IdentifiedCar
 from experiments.drifting import runs as drift_runs
 from experiments.drifting.figure_8 import main
 from experiments.drifting.runs import Learnt, ModelsConfig
 from experiments.gathering import beliefs
+from experiments.gathering.familiar import usual_surprise
 from experiments.gathering.recipe import as_in_paper
 from experiments.other_worlds import true_cars
 from experiments.other_worlds.brush_step import BrushStepModel

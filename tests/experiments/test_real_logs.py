@@ -43,7 +43,8 @@ def test_the_small_car_is_identified_on_a_drive_of_its_own():
     recording = sorted((DATA / "dart" / "floor_a").glob("*12_34_30.csv"))
     runs, _ = import_recordings(recording, read_mapping("dart"))
     found = identify([thinned(run.without(*POSE), 2) for run in runs], SMALL_CAR, known=HELD,
-                     names=("steering_lag", "torque_lag"), stated={"r": 0.02, "v": 0.004, "beta": 0.0025})  # fmt: skip
+                     effects=("steering_lag", "torque_lag"), stated={"r": 0.02, "v": 0.004, "beta": 0.0025},
+                     watching=False)  # fmt: skip
     c = found.calibration
     assert c.held_out.high < 1.0
     assert 0.02 < c.parameters["steering_lag"].estimate < 0.3
@@ -56,7 +57,7 @@ def test_the_small_car_is_identified_on_a_drive_of_its_own():
 @pytest.mark.slow
 def test_the_racer_is_identified_with_its_speed_fed():
     runs, _ = import_recordings(sorted((DATA / "revs_250lm").glob("*.csv")), read_mapping("revs_250lm"), end=40.0)
-    found = identify([thinned(run, 2) for run in runs], RACER, known=HELD, names=("sideslip_bias",))
+    found = identify([thinned(run, 2) for run in runs], RACER, known=HELD, effects=("sideslip_bias",), watching=False)
     c = found.calibration
     assert c.held_out.high < 1.0
     assert "gear_ratio" not in c.parameters  # the speed is fed, so nothing that was measured depends on it

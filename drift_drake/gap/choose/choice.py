@@ -16,23 +16,17 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
-import numpy as np
 from scipy.special import stdtrit
 
-from drift_drake.car.car_file import PlantParameters
+from drift_drake.car.car_file import PlantParameters, plant_of
 from drift_drake.car.effects.record import wheelbase
+from drift_drake.car.given_vehicle import Vehicle, vehicle_given
+from drift_drake.car.log.given import Logs, logs_given
 from drift_drake.car.log.table import Run
 from drift_drake.car.parameters import VehicleParameters
-from drift_drake.common.arrays import Array
-from drift_drake.common.run_folder import write_json
 from drift_drake.common.standard_output import Progress
-from drift_drake.drive.learnt.checkpoint import BayesianModel
-from drift_drake.drive.learnt.out_of_distribution import squared_distance
-from drift_drake.drive.learnt.posterior import Posterior
-from drift_drake.drive.learnt.quality import learn
-from drift_drake.drive.learnt.samples import Samples
 from drift_drake.gap.choose.identified import BIASES, ONE_MORE, IdentifiedCar, identified, identified_double_track
-from drift_drake.gap.choose.usable_drives import LIVELY, asked_parts, liveliness
+from drift_drake.gap.choose.usable_drives import LIVELY, asked_parts, check_drives, liveliness
 from drift_drake.gap.estimation.windows import WindowedRun, forecast_error, windowed
 from drift_drake.gap.logs.screening.suspicions import suspicions
 
@@ -41,7 +35,6 @@ IDENTIFIED, SURPRISE = "identified", "surprise"  # its keys; the latter's entrie
 OTHER_SIZE = 1.5  # ratio of wheelbases
 NEARER = 0.5  # of another's forecast error, from which on a car is far nearer
 REFUSED = 0.001  # share of cars that follow their equations which are not believed
-SURPRISED = 0.005  # share of the training distribution's vehicles that the first drive refuses
 
 Believed = Literal["identified", "adapting"]
 
@@ -199,48 +192,35 @@ class Familiar(NamedTuple):
         return math.exp(self.mean + quantile * self.deviation * math.sqrt(1.0 + 1.0 / self.vehicles))
 
 
-def squared_distances(model: BayesianModel, belief: Posterior, samples: Samples) -> Array:
-    """Squared Mahalanobis distances [n] of a drive's samples, each by the belief that has learnt those before it."""
-    out = np.empty(len(samples.vehicle))
-    for i in range(len(out)):
-        out[i] = squared_distance(model, belief, samples.x[i], samples.u[i], samples.u_next[i], samples.x_next[i])
-        belief = learn(model, belief, samples.where(np.array([i])))
-    return out
-
-
-def familiar_from(values: Array) -> Familiar:
-    """From a statistic's values [vehicles] on vehicles in distribution.
-
-    Raises:
-        ValueError: fewer than three vehicles.
-    """
-    if len(values) < 3:
-        raise ValueError(f"{len(values)} vehicles are too few to say what is usual; give three or more")
-    logs = np.log(values)
-    return Familiar(float(logs.mean()), float(logs.std(ddof=1)), len(logs))
-
-
 def usual_error(path: Path | None = None) -> Familiar:
     """How far off the identified car is half a second ahead, after two informative drives of a car that it follows."""
-    return Familiar(**_stored(path)[IDENTIFIED])
+    return Familiar(**stored(path)[IDENTIFIED])
 
 
-def usual_surprise(model: BayesianModel, path: Path | None = None) -> Familiar | None:
-    """Mean squared distance of the first informative drive (`squared_distances`) of a car that the model was made for.
-
-    None for a model that nobody has asked this of.
-    """
-    found = _stored(path)[SURPRISE].get(model.content_hash())
-    return None if found is None else Familiar(**found)
-
-
-def _stored(path: Path | None) -> dict[str, dict[str, Any]]:
+def stored(path: Path | None) -> dict[str, dict[str, Any]]:
+    """What is usual, as the shipped file or another holds it."""
     source = path or Path(str(files("drift_drake") / "data" / SHIPPED))
     found: dict[str, dict[str, Any]] = {IDENTIFIED: {}, SURPRISE: {}}
     return found | (json.loads(source.read_text()) if source.is_file() else {})
 
 
-def keep_usual(model: BayesianModel, error: Familiar, surprise: Familiar, path: Path) -> None:
-    """Writes what is usual to a file, with what it holds of other models."""
-    surprises = _stored(path)[SURPRISE] | {model.content_hash(): surprise._asdict()}
-    write_json(path, {IDENTIFIED: error._asdict(), SURPRISE: surprises})
+def choose(logs: Logs, vehicle: Vehicle | None = None, *, progress: Progress | None = None) -> Choice:
+    """Says which model may drive a car at its limits, by its logs: the car that they identify, or the learnt one.
+
+    Examples:
+        >>> found = choose("logs/monday", "car.yaml")  # doctest: +SKIP
+        >>> print(found.believed, found.sentence())  # doctest: +SKIP
+
+    Args:
+        logs: path of a case folder or of a run's file, or runs at 100 Hz, with torque, sideslip and rim speed;
+        vehicle: vehicle file's path or parameters: a first guess, whose effects are identified anew; the shipped
+            coupe's without;
+        progress: called with a stage and the share done.
+
+    Raises:
+        InvalidLogError: a run cannot be asked; InvalidVehicleError: of the vehicle.
+    """
+    given = logs_given(logs)
+    first_guess = VehicleParameters() if vehicle is None else plant_of(vehicle_given(vehicle).parameters)
+    check_drives(given.runs, logs if isinstance(logs, str | Path) else given.case)
+    return ask(given.runs, first_guess, progress)

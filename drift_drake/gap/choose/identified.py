@@ -5,6 +5,7 @@ most driven cars have. A car may have an additional fault, such as a steering th
 of `ONE_MORE` is then fitted with the others. And it may follow no single-track equations: a double-track car is fitted.
 """
 
+import dataclasses
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
@@ -12,10 +13,12 @@ import numpy as np
 import pandas as pd
 
 from drift_drake.car.car_file import PlantParameters
+from drift_drake.car.double_track.nearest import nearest_double_track
 from drift_drake.car.double_track.parameters import DoubleTrackParameters
 from drift_drake.car.double_track.step_model import DoubleTrackStepModel
 from drift_drake.car.effects.catalogue import CATALOGUE, LIMITS, fitted
 from drift_drake.car.effects.magnitudes import Effects
+from drift_drake.car.equations import folded_into
 from drift_drake.car.given_vehicle import single_track_of
 from drift_drake.car.internal_states import BEYOND, LAGGED
 from drift_drake.car.known_car import known_car_model
@@ -25,9 +28,11 @@ from drift_drake.car.sensor_errors import SENSORS
 from drift_drake.car.single_track.effects_step import EffectsStepModel
 from drift_drake.common.arrays import Array
 from drift_drake.common.errors import unit_suffix
+from drift_drake.gap.estimation.robust_fit import robust_fit
+from drift_drake.gap.estimation.unknowns import deviations_of, magnitudes, unknown, with_found
 from drift_drake.gap.estimation.windows import WindowedRun, errors
-from drift_drake.gap.identification.double_track import identify_double_track
-from drift_drake.gap.identification.identify import identify
+from drift_drake.gap.identification.identify import calibrate
+from drift_drake.gap.identification.stated import Asked
 
 # In addition to the vehicle's own parameters: what a driven car may have that a step of its model can hold.
 EFFECTS = fitted("drives")
@@ -35,6 +40,13 @@ ONE_MORE = fitted("alone")
 BIASES = tuple(name for name in SENSORS if CATALOGUE[name].unit != "-")  # that a double-track car may have all of
 # Named, not driven with: a limit of the steering's rate, identified to 1 %, lost two cars of two that the oracle holds.
 LEAST_WINDOWS = 20  # of half a second, one each 0.2 s
+# Deviations of a vehicle file's parameters but for the mass, and what else a driven car may have.
+OF_DOUBLE_TRACK = tuple(
+    name for name, effect in CATALOGUE.items()
+    if "double_track" in effect.fitted or effect.tolerance not in (None, "mass")
+)  # fmt: skip
+EVIDENCE = 0.2  # power of a double-track car's criterion: each moment lies in five windows
+WIDTHS = (100.0, 8.0)  # of its loss (`robust_fit`)
 NOT_PLANNED = (*(name for name in BEYOND if name not in (*LAGGED, *SENSORS)), *sorted(LIMITS))
 
 
@@ -85,7 +97,7 @@ def identified(runs: Sequence[Run], first_guess: VehicleParameters, more: Sequen
     """The car that fits the drives best, by the filter's likelihood; None where they are too short or it has no peak.
 
     Nothing is believed known but the equations: masses, inertias, stiffnesses, friction and the drive's gain have
-    broad priors, and the effects that a driven car may have are fitted with them (`identify`).
+    broad priors, and the effects that a driven car may have are fitted with them (`calibrate`).
 
     Args:
         more: effects that it may have in addition to `EFFECTS`.
@@ -93,9 +105,8 @@ def identified(runs: Sequence[Run], first_guess: VehicleParameters, more: Sequen
     try:
         with np.errstate(divide="ignore", invalid="ignore"):
             # What gentle drives do not show is judged by how the car predicts (`gap.choose.choice`), not kept.
-            found = identify(
-                runs, first_guess, known=(), names=(*EFFECTS, *more), criterion="likelihood", force=True, unseen=()
-            )
+            asked = Asked(first_guess, known=(), names=(*EFFECTS, *more), criterion="likelihood", force=True, unseen=())
+            found = calibrate(runs, asked)
     except (InvalidLogError, InvalidVehicleError, np.linalg.LinAlgError):
         return None
     return IdentifiedCar(single_track_of(found.vehicle), found.effects)
@@ -109,8 +120,12 @@ def identified_double_track(
 ) -> tuple[IdentifiedCar, dict[str, float]] | None:
     """The double-track car that predicts the drives best; None where they are too short or identify none.
 
+    What a vehicle file says nothing of (height of the centre of gravity, springs, the tyres' shape, ...) is unknown
+    besides its own parameters. Its priors are the scatter from car to car about a first guess
+    (`car.double_track.nearest`).
+
     Args:
-        more: effects that it may have in addition to those of `gap.identification.double_track`.
+        more: effects that it may have in addition to `OF_DOUBLE_TRACK`.
         near: magnitudes of one identified without these, to start from.
 
     Returns:
@@ -118,9 +133,28 @@ def identified_double_track(
     """
     if sum(len(run.starts) for run in judged) < LEAST_WINDOWS:
         return None
+    dense = [_dense(run) for run in judged]
+
+    def predicted(found: Mapping[str, float]) -> Array:
+        return errors(dense, *with_found(constants, Effects(), found))
+
     try:
         with np.errstate(all="ignore"):
-            vehicle, effects, found = identify_double_track(judged, first_guess, more, near)
+            guess = first_guess if isinstance(first_guess, DoubleTrackParameters) else nearest_double_track(first_guess)
+            constants, vehicle = guess.constants(), guess.single_track()
+            unknowns = [unknown(name, vehicle, frozenset()) for name in (*OF_DOUBLE_TRACK, *more)]
+            unknowns += deviations_of(constants)
+            start = None if near is None else np.array([near.get(u.name, u.start) for u in unknowns])
+            fit = robust_fit(predicted, unknowns, EVIDENCE, start, WIDTHS if near is None else WIDTHS[-1:])
+            found = magnitudes(fit.names, fit.theta)
+            car, effects = folded_into(*with_found(constants, Effects(), found))
+            return IdentifiedCar(guess.with_constants(car), effects), found
     except (InvalidVehicleError, np.linalg.LinAlgError):
         return None
-    return IdentifiedCar(vehicle, effects), found
+
+
+def _dense(run: WindowedRun) -> WindowedRun:
+    """A window from each tenth of a second on."""
+    if len(run.starts) == 0:
+        return run
+    return dataclasses.replace(run, starts=np.arange(run.starts[0], run.starts[-1] + 1, run.stride_rows))

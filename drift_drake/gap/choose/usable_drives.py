@@ -7,7 +7,7 @@ import numpy as np
 
 from drift_drake.car.log.table import InvalidLogError, Run
 from drift_drake.car.parameters import VehicleParameters
-from drift_drake.gap.estimation.pieces import lasting, pieces_of, spread
+from drift_drake.gap.estimation.usable import lasting, pieces_of, spread
 
 NEEDED = ("beta", "omega_r", "tau_cmd")  # in addition to what every log has
 PERIOD, CLOSE = 0.01, 1e-4  # [s] between rows

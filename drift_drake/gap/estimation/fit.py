@@ -269,11 +269,6 @@ def minimise(
     return at
 
 
-def fit(problem: Problem, names: Sequence[str], theta: np.ndarray, iterations: int = 6) -> Fit:
-    """The fit of a hypothesis from a start."""
-    return conclude(problem, names, minimise(problem, names, theta, iterations))
-
-
 def conclude(problem: Problem, names: Sequence[str], at: Linearised) -> Fit:
     """The fit's covariance and its Laplace evidence, magnitudes truncated to their bounds."""
     theta, e = at.theta, flat(problem, at.filtered.innovations)

@@ -22,9 +22,8 @@ from drift_drake.car.effects.catalogue import CATALOGUE
 from drift_drake.car.effects.magnitudes import Effects
 from drift_drake.car.equations import CarConstants, kind_of
 from drift_drake.car.parameters import VehicleParameters
-from drift_drake.gap.estimation.free_directions import free_columns
 from drift_drake.gap.estimation.normal import Normal
-from drift_drake.gap.estimation.partial import partial_columns, standards
+from drift_drake.gap.estimation.partial import free_columns, partial_columns, standards
 from drift_drake.gap.estimation.robust_fit import THREADS, robust_scales
 from drift_drake.gap.estimation.unknowns import added
 from drift_drake.gap.estimation.windows import HORIZONS, WindowedRun, errors, errors_of_all, regimes

@@ -1,19 +1,24 @@
-"""What an estimator can use of runs: parts that drive, not spun, and measured; effects that the columns show."""
+"""What an estimator is given of runs: the parts that it can use, doubts, and the effects that their columns show."""
 
 import dataclasses
+import itertools
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
 from drift_drake.car.effects.catalogue import CATALOGUE
+from drift_drake.car.foreign.simulator_car import SimulatorCar
 from drift_drake.car.log.driving import backing, driven, in_spans, reversing, slowest_asked, spans, turned_back
 from drift_drake.car.log.table import OPTIONAL, SHORTEST_RUN, InvalidLogError, Run
-from drift_drake.car.parameters import VehicleParameters
-from drift_drake.gap.estimation.pieces import lasting, pieces_of, spread
+from drift_drake.car.parameters import CarParameters, VehicleParameters
 from drift_drake.gap.estimation.windows import SETTLING, stride_of
+from drift_drake.gap.logs.screening.repeated import without_repeated
 from drift_drake.gap.logs.screening.screened import Screened, screened
+from drift_drake.gap.logs.screening.suspicions import Suspicion, suspicions_of
 from drift_drake.view.pages.driving import UsedStretch
 
+GOLDEN = (np.sqrt(5.0) - 1.0) / 2.0
 AHEAD = 6.5  # strides that a part needs for one window
 SHORT = "parts that are too short"
 LEAST_TOTAL = 4.0  # [s] of all parts: an informative drive takes 4.5
@@ -22,6 +27,45 @@ LISTED = 3  # stretches of one kind, and runs, that are reported one by one
 MOST_SECONDS = 300.0
 PIECE = 12.0  # [s], about, that longer runs are cut into
 ROUNDING = 1e-6  # [s]
+
+
+def lasting(run: Run) -> float:
+    """From a run's first row to its last [s]: a drive of 4.5 s has one row more than periods."""
+    return float(run.t[-1] - run.t[0])
+
+
+def pieces_of(run: Run, seconds: float, longest: float = np.inf) -> list[Run]:
+    """A run in pieces of equal length, about so long, named by the seconds of the run that they begin at.
+
+    longest: [s] that a piece is cut to.
+    """
+    count = max(round(lasting(run) / seconds), 1)
+    if count == 1:
+        return [run] if lasting(run) < 1.5 * longest else [run.rows(0, round(1.5 * longest / run.period))]
+    edges = np.linspace(0, len(run), count + 1).round().astype(int)
+    most = min(longest / run.period, len(run))
+    return [
+        dataclasses.replace(
+            run.rows(int(a), min(int(b), int(a) + round(most))),
+            name=f"{run.name} from {run.t[a] - run.t[0]:.0f} s",
+            recording=run.recording or run.name,
+        )
+        for a, b in itertools.pairwise(edges)
+    ]
+
+
+def spread(pieces: Sequence[Run], most: float, later: Sequence[bool] | np.ndarray | None = None) -> list[int]:
+    """Indices of pieces that last so long together [s], or of one, spread evenly; those `later` after all others.
+
+    Multiples of the golden ratio fall evenly and in no rhythm: manoeuvres that take turns are all met.
+    """
+    last = np.zeros(len(pieces), dtype=bool) if later is None else np.asarray(later, dtype=bool)
+    place = np.empty(len(pieces))
+    for kind in (False, True):
+        place[last == kind] = np.arange(np.count_nonzero(last == kind)) * GOLDEN % 1.0
+    order = np.lexsort((place, last))
+    until = np.cumsum([lasting(pieces[i]) for i in order])
+    return [int(i) for i in sorted(order[: max(int(np.count_nonzero(until <= most)), 1)])]
 
 
 def usable(runs: Sequence[Run], vehicle: VehicleParameters) -> tuple[list[Run], list[str]]:
@@ -190,3 +234,28 @@ def part_of(runs: Sequence[Run], most: float = MOST_SECONDS) -> tuple[list[Run],
     used = sum(lasting(pieces[i]) for i in kept)
     sentence = f"of {total:.0f} s of logs {used:.0f} s are used, {len(kept)} pieces spread evenly over them"
     return [pieces[i] for i in kept], [sentence]
+
+
+class Admitted(NamedTuple):
+    """What an estimator is given of runs."""
+
+    runs: list[Run]  # the parts that it can use
+    doubts: list[Suspicion]  # units, signs and clocks that seem wrong
+    warnings: list[str]  # of the doubts, of bad samples and of what is left out
+
+
+def admit(runs: Sequence[Run], car: CarParameters) -> Admitted:
+    """`usable` parts and `suspicions` of runs that are screened once; a run that is there twice counts once.
+
+    Parts that reverse are for cars of this package alone: what a simulator of the user's does with a negative speed is
+    its own affair.
+
+    Raises:
+        InvalidLogError: too little is left.
+    """
+    vehicle = car.single_track()
+    runs, repeated = without_repeated(runs)
+    clean, found = screened(runs)
+    doubts = suspicions_of(clean, vehicle)
+    kept, left_out = usable_parts(runs, clean, vehicle, not isinstance(car, SimulatorCar))
+    return Admitted(kept, doubts, [*(doubt.sentence for doubt in doubts), *repeated, *found, *left_out])

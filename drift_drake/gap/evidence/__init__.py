@@ -1,1 +1,1 @@
-"""What both diagnoses share: the posterior, ranges of magnitudes, where a gap is, what shows an effect."""
+"""What both diagnoses share: the posterior, where a gap is, what shows an effect."""

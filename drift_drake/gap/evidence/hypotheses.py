@@ -16,9 +16,9 @@ from drift_drake.car.equations import CarConstants, kind_of
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.gap.estimation.baseline import Scatter, scatter_of
 from drift_drake.gap.estimation.normal import Normal
+from drift_drake.gap.estimation.prior import Range, at_end, clipped, farther, range_of, tried_first
 from drift_drake.gap.estimation.scores import Day, summed
 from drift_drake.gap.evidence.left_over import LeftOver, left_over
-from drift_drake.gap.evidence.ranges import Range, at_end, clipped, farther, range_of, tried_first
 
 FADES = 0.2  # of the practical range, over which a prior falls off beyond it
 FINE = 24  # interpolated magnitudes between two of the grid
@@ -116,9 +116,7 @@ class Search:
                  threads: int = 2) -> None:  # fmt: skip
         self.day, self.normal, self.vehicle = day, normal, vehicle
         self.scatter: Scatter = scatter_of(day, normal)
-        # A tolerance of the calibrated car is the same car's on both days.
-        self.ranges = {name: range_of(name, vehicle, tolerances=False) for name in catalogue}
-        self.ranges = {name: r for name, r in self.ranges.items() if max(abs(r.low), abs(r.high)) > r.least}
+        self.ranges = {name: range_of(name, vehicle) for name in catalogue}
         self.threads = threads
         self.curves: list[Curve] = []
 

@@ -8,10 +8,10 @@ import numpy as np
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.gap.estimation.baseline import Scatter, scale_of
 from drift_drake.gap.estimation.learn_normal import Learnt
+from drift_drake.gap.estimation.prior import range_of
 from drift_drake.gap.evidence.constants import PRIORS
 from drift_drake.gap.evidence.hypotheses import Hypothesis, unusual
 from drift_drake.gap.evidence.left_over import left_over
-from drift_drake.gap.evidence.ranges import range_of
 from drift_drake.gap.evidence.ranking import DayRanked, ranked
 
 GRID = 81  # magnitudes of an effect
@@ -43,7 +43,7 @@ def ranked_to_first_order(
 
     found = [hypothesis((), scores, -0.5 * float(scores @ scatter.inverse @ scores))]
     for i, name in enumerate(names):
-        r = range_of(name, vehicle, tolerances=False)
+        r = range_of(name, vehicle)
         q = np.linspace(r.low, r.high, GRID)
         q = q[r.allows(q)]
         if len(q) < 2:

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from drift_drake.car.effects.catalogue import CATALOGUE, LIMITS
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.common.errors import significant
-from drift_drake.gap.evidence.ranges import REACH
+from drift_drake.gap.estimation.prior import REACH
 
 
 @dataclasses.dataclass(frozen=True)

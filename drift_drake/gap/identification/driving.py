@@ -1,7 +1,7 @@
 """What the drives of a baseline can show of a car, before anything is fitted to them, and which drive is missing.
 
 Friction shows where a tyre is near its limit, a steering offset where the car turns to both sides, lags where the
-steering moves fast. Parameters that drives cannot show stay at their first guess (`identification.kept`): a fit moves
+steering moves fast. Parameters that drives cannot show stay at their first guess (`identification.stated`): a fit moves
 them to make up for something else.
 """
 
@@ -132,7 +132,7 @@ def driving_of(runs: Sequence[Run], vehicle: VehicleParameters) -> Driving:
     """How hard and how variedly a car was driven, by its first guess.
 
     Args:
-        runs: parts that can be used (`gap.estimation.admitted`).
+        runs: parts that can be used (`gap.estimation.usable`).
     """
     limit = vehicle.friction * vehicle.gravity
     seconds, lateral, forward, change = (list[np.ndarray]() for _ in range(4))

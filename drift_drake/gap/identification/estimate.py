@@ -1,7 +1,7 @@
 """The most likely car: the filter's likelihood over all unknowns, its noise scaled to what the innovations show."""
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -10,7 +10,7 @@ from drift_drake.car.effects.magnitudes import Effects
 from drift_drake.car.log.table import Run
 from drift_drake.car.parameters import InvalidVehicleError, VehicleParameters
 from drift_drake.gap.estimation.fit import Linearised, minimise, prior_precision
-from drift_drake.gap.estimation.problem import NUISANCES, TOLERANCES, Problem, filter_case, flat
+from drift_drake.gap.estimation.problem import NUISANCES, TOLERANCES, Problem, filter_case, flat, make_problem
 from drift_drake.gap.estimation.unknowns import BROAD
 
 PARAMETERS = NUISANCES[: TOLERANCES - 1]  # those of the vehicle itself; the rim speed's scale is the sensor's
@@ -23,6 +23,7 @@ ROUNDS = 5  # of fits, each with the noise that the last one's innovations ask f
 SETTLED = 0.02  # of the noise's scale
 ITERATIONS = 8  # of a fit
 ENOUGH = 0.5  # [nats] of a step that is not worth another
+NEAR = 20.0  # mean square up to which a fit by likelihood may still make innovations white
 
 
 def check_effect_names(known: Sequence[str], effects: Sequence[str]) -> None:
@@ -133,3 +134,42 @@ def estimate(problem: Problem, names: Sequence[str], theta: np.ndarray, r_over_q
         if round_number > 0 and abs(np.sqrt(found) - 1.0) < SETTLED:
             break
     return Estimate(tuple(names), theta, at, held, trust)
+
+
+@dataclasses.dataclass(frozen=True)
+class Whiteness:
+    """Of the innovations that count: the median over runs of their mean square, and their correlation row to row."""
+
+    mean_square: float
+    correlation: float  # the largest of all channels, in absolute value
+
+    @property
+    def may_be_white(self) -> bool:
+        """Whether a fit by likelihood is worth a try."""
+        return self.mean_square < NEAR
+
+    def sentence(self) -> str:
+        """Why prediction was the criterion."""
+        if not np.isfinite(self.mean_square):
+            return "calibrated by prediction: the filter of the nominal equations loses the car on these logs"
+        return (
+            f"calibrated by prediction: innovations are not white (mean square {self.mean_square:.3g}, correlation "
+            f"from row to row {self.correlation:.2f})"
+        )
+
+
+def whiteness(
+    runs: Sequence[Run], vehicle: VehicleParameters, effects: Effects, stated: Mapping[str, float] | None
+) -> Whiteness:
+    """Innovations of the car as it is: where they are white the likelihood is exact. A filter that diverges is not."""
+    problem = make_problem(runs, vehicle, stated=stated, own=effects)
+    gains = filter_case(problem, np.zeros(problem.nuisances), ())
+    squares, tied = [], [0.0]
+    for run, e in zip(problem.runs, gains.innovations, strict=True):
+        kept = e[run.counted][:, run.used]
+        if not np.isfinite(kept).all() or len(kept) < 3:
+            return Whiteness(float("inf"), 1.0)
+        squares.append(float(np.mean(np.median(kept**2, axis=0) / 0.4549)))
+        spread = kept - kept.mean(axis=0)
+        tied.append(float(np.max(np.abs(np.sum(spread[1:] * spread[:-1], axis=0) / np.sum(spread**2, axis=0)))))
+    return Whiteness(float(np.median(squares)), float(np.median(tied[1:])) if len(tied) > 1 else 1.0)

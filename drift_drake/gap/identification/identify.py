@@ -8,34 +8,31 @@ import dataclasses
 import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 
 from drift_drake.car.double_track.nearest import nearest_double_track
 from drift_drake.car.double_track.parameters import DoubleTrackParameters
 from drift_drake.car.effects.catalogue import CATALOGUE, fitted
-from drift_drake.car.effects.magnitudes import Effects
 from drift_drake.car.equations import kind_of
 from drift_drake.car.foreign.simulator_car import SimulatorCar
+from drift_drake.car.given_vehicle import Vehicle, vehicle_given
+from drift_drake.car.log.given import GivenLogs, Logs, logs_given
 from drift_drake.car.log.table import InvalidLogError, Run, read_case, stated_noise
 from drift_drake.car.parameters import CarParameters, InvalidVehicleError, VehicleParameters
 from drift_drake.common.standard_output import Progress
-from drift_drake.gap.estimation.admitted import admit
 from drift_drake.gap.estimation.effort import counted
 from drift_drake.gap.estimation.unknowns import OWN
-from drift_drake.gap.estimation.usable import part_of, seen_effects
+from drift_drake.gap.estimation.usable import admit, part_of, seen_effects
 from drift_drake.gap.estimation.windows import stride_of, windowed
-from drift_drake.gap.identification.asked import Asked
 from drift_drake.gap.identification.by_likelihood import NO_PEAK, identify_by_likelihood, stretched
 from drift_drake.gap.identification.by_prediction import PredictionFit, fit_by_prediction, held_out_windows
 from drift_drake.gap.identification.calibration import Calibration, Identification
 from drift_drake.gap.identification.driving import CIRCLES, ONE_RECORDING, SLIPPERY, STEPS, driving_of
-from drift_drake.gap.identification.estimate import check_effect_names
-from drift_drake.gap.identification.kept import held_still, kept_at_first_guess
+from drift_drake.gap.identification.estimate import check_effect_names, whiteness
 from drift_drake.gap.identification.options import EFFECTS, KNOWN, CarKind, Criterion
-from drift_drake.gap.identification.stated import stated_in_full
-from drift_drake.gap.identification.whiteness import whiteness
+from drift_drake.gap.identification.stated import Asked, held_still, kept_at_first_guess, stated_in_full
+from drift_drake.gap.monitoring.baselines import learn_baseline
 
 WHITE = 0.1  # tempering exponent of that fit, from which they are
 FURTHER = fitted(
@@ -44,65 +41,83 @@ FURTHER = fitted(
 
 
 def identify(
-    runs: Sequence[Run],
-    first: CarParameters,
-    effects: Effects = Effects(),
-    case: str = "case",
-    known: Sequence[str] = KNOWN,
-    names: Sequence[str] = EFFECTS,
-    stated: Mapping[str, float] | None = None,
+    logs: Logs | Sequence[str | Path], vehicle: Vehicle, *, known: Sequence[str] = KNOWN,
+    effects: Sequence[str] = EFFECTS, criterion: Criterion = "auto", stated: Mapping[str, float] | None = None,
+    case: str | None = None, car: CarKind = "auto", force: bool = False, watching: bool = True,
     progress: Progress | None = None,
-    criterion: Criterion = "auto",
-    tolerances: frozenset[str] = frozenset(),
-    force: bool = False,
-    unseen: Sequence[str] | None = None,
-    kind: CarKind = "auto",
-) -> Identification:
-    """Calibrates a car on runs. Parameters that the drives cannot show stay at their first guess.
+) -> Identification:  # fmt: skip
+    """Calibrates a car on logs: parameters, tolerances, lags, and what the logs cannot identify.
+
+    Examples:
+        >>> found = identify(["logs/monday", "logs/tuesday"], "start.yaml")  # doctest: +SKIP
+        >>> write_vehicle("car.yaml", found.vehicle, found.effects)  # doctest: +SKIP
 
     Args:
-        runs: of one car, of one or several days; first, effects: the first guess;
-        known: parameters whose tolerance in the vehicle is believed as it is;
-        names: effects that may belong to the car, in addition to those of the first guess;
-        stated: noise levels that are known otherwise (`make_problem`); progress: called with a stage and a share;
-        criterion: "auto" is the likelihood where innovations are white under the car that it finds, else prediction;
-        tolerances: names of those that the vehicle file states: prediction believes them, times two;
-        force: calibrate on drives that are too gentle too, and whatever a known parameter comes out as;
-        unseen: parameters (names of tolerances) that stay as they are; None: those that the drives cannot show;
-        kind: of car, where prediction judges; "auto": a double-track one where that predicts held-out parts better.
+        logs: path of a case folder, paths of several (one for each day), or runs of one car;
+        vehicle: vehicle file's path, parameters, or (parameters, effects): the first guess; tolerances that a file
+            states are believed, times two;
+        known: parameters whose tolerance is believed as it is; effects: names of effects that may belong to the car;
+        criterion: "likelihood" (exact where innovations are white), "prediction" (errors half a second ahead), or
+            "auto", which lets the logs choose;
+        stated: noise levels [SI, one standard deviation] by column that are known otherwise; case: name of it all;
+        car: kind of car where prediction judges: "single-track", "double-track", or "auto", which takes a double-track
+            one where that predicts held-out parts better, and keeps the single-track one with it (`single_track`);
+        force: also on logs that are too gentle, and whatever a known parameter comes out as;
+        watching: whether to learn a monitor's baseline (`watch`), where the logs can say;
+        progress: called with a stage and the share done.
+
+    Returns:
+        The calibrated vehicle, its effects and the calibration with 95 % intervals (`calibration.parameters`).
 
     Raises:
         InvalidLogError: no run can be used, they are too gentle, a known parameter comes out far from what is known of
-            it, or prediction is asked for without the column beta.
-        InvalidVehicleError: a name that is no parameter or effect.
+            it, or prediction is asked for without the column beta;
+        InvalidVehicleError: of the vehicle, or a name that is none.
+    """
+    first, days = vehicle_given(vehicle), days_given(logs, case)
+    found = calibrate(days.runs, Asked(
+        first.parameters, first.effects, days.case, tuple(known), tuple(effects), {**days.noise, **(stated or {})},
+        criterion, first.tolerances, car, force,
+    ), progress)  # fmt: skip
+    if not watching:
+        return found
+    baseline = learn_baseline(days.runs, found.vehicle, found.effects, found.calibration.normal)
+    return dataclasses.replace(found, calibration=dataclasses.replace(found.calibration, watching=baseline))
+
+
+def calibrate(runs: Sequence[Run], asked: Asked, progress: Progress | None = None) -> Identification:
+    """Calibrates a car on runs of one or several days; raises as `identify`.
+
+    Parameters that the drives cannot show stay at their first guess.
     """
     began = time.perf_counter()
     tell = progress or (lambda _stage, _share: None)
-    check_effect_names(known, names)
-    given, vehicle, first = runs, first.single_track(), first_of_kind(first, kind)
+    case, known, given = asked.case, asked.known, runs
+    check_effect_names(known, asked.names)
+    vehicle, first = asked.vehicle, first_of_kind(asked.first, asked.kind)
     runs, _, warnings = admit(runs, first)
     warnings += [
-        f"effect {name}: calibrated anyway, as a parameter of the vehicle file" for name in names if name in OWN
+        f"effect {name}: calibrated anyway, as a parameter of the vehicle file" for name in asked.names if name in OWN
     ]
     driving = driving_of(runs, vehicle)
-    if driving.gentle and not force:
+    if driving.gentle and not asked.force:
         raise InvalidLogError(driving.too_gentle(case))
     found_unseen = tuple(name for name in driving.unseen if driving.gentle or name not in known)
-    asked = Asked(first, effects, case, tuple(known), tuple(name for name in names if name not in OWN), stated,
-                  criterion, tolerances, kind, found_unseen if unseen is None else tuple(unseen))  # fmt: skip
+    names, by_drives = tuple(name for name in asked.names if name not in OWN), asked.unseen is None
+    asked = dataclasses.replace(asked, first=first, names=names, unseen=found_unseen if by_drives else asked.unseen)
     found = calibrated(runs, asked, tell)
     shows = driving.shows_friction_of(vehicle.friction, found.vehicle.single_track().friction)
-    if unseen is None and not shows and "friction" not in (*asked.unseen, *known):
-        asked = dataclasses.replace(asked, unseen=("friction", *asked.unseen))
+    if by_drives and not shows and "friction" not in (*asked.kept, *known):
+        asked = dataclasses.replace(asked, unseen=("friction", *asked.kept))
         found = calibrated(runs, asked, tell)
-    if not force:
+    if not asked.force:
         check_known(found.calibration)
     c = found.calibration
     lacking = [one.sentence() for one in driving.missing() if one.grave and one.why != ONE_RECORDING]
     warnings = [*warnings, *c.warnings, *lacking, *kept_sentences(asked)]
     c = dataclasses.replace(c, seconds=time.perf_counter() - began, driving=driving, warnings=warnings)
     tell("done", 1.0)
-    return dataclasses.replace(found, calibration=c, first=(first, effects), runs=given)
+    return dataclasses.replace(found, calibration=c, first=(first, asked.effects), runs=given)
 
 
 def first_of_kind(first: CarParameters, kind: CarKind) -> CarParameters:
@@ -156,7 +171,7 @@ def calibrated(runs: Sequence[Run], asked: Asked, tell: Progress) -> Identificat
 
 def with_unseen(found: Identification, asked: Asked, single: Identification | None = None) -> Identification:
     """A calibration whose unseen parameters stay as they were believed; single: the one to be kept with it."""
-    found = kept_at_first_guess(found, asked.vehicle, asked.effects, asked.unseen, asked.tolerances, asked.known)
+    found = kept_at_first_guess(found, asked.vehicle, asked.effects, asked.kept, asked.tolerances, asked.known)
     if single is None:
         return found
     single = with_unseen(single, asked)
@@ -175,10 +190,10 @@ def check_known(c: Calibration) -> None:
 
 def kept_sentences(asked: Asked) -> list[str]:
     """Which parameters stay at their first guess."""
-    if not asked.unseen:
+    if not asked.kept:
         return []
-    names = ", ".join(asked.unseen)
-    slippery = f" ({SLIPPERY})" if "friction" in asked.unseen else ""
+    names = ", ".join(asked.kept)
+    slippery = f" ({SLIPPERY})" if "friction" in asked.kept else ""
     return [f"{names}: kept at the first guess, and as uncertain as before: these drives do not show it{slippery}"]
 
 
@@ -198,7 +213,7 @@ def by_likelihood(runs: Sequence[Run], asked: Asked, tell: Progress) -> Identifi
     Raises:
         InvalidLogError: no run is long enough, or the likelihood has no peak.
     """
-    vehicle, known = held_still(asked.vehicle, asked.unseen), (*asked.known, *asked.unseen)
+    vehicle, known = held_still(asked.vehicle, asked.kept), (*asked.known, *asked.kept)
     try:
         return identify_by_likelihood(
             runs, vehicle, asked.effects, asked.case, known, asked.without_unseen(asked.names), asked.stated, tell
@@ -249,7 +264,7 @@ def by_prediction(runs: Sequence[Run], asked: Asked, double: bool, tell: Progres
             )
         first = nearest_double_track(first)
     lacks = kind_of(first.constants()).LACKS
-    held = {name for name, info in CATALOGUE.items() if info.tolerance in (*asked.known, *asked.unseen)}
+    held = {name for name, info in CATALOGUE.items() if info.tolerance in (*asked.known, *asked.kept)}
     seen, _ = seen_effects(runs, tuple(name for name in CATALOGUE if name not in lacks))
     own = [name for name in OWN if name not in held and name in seen]
     if not own:
@@ -265,15 +280,17 @@ def by_prediction(runs: Sequence[Run], asked: Asked, double: bool, tell: Progres
         return fit_by_prediction(windows, first, asked.effects, own, candidates, stated, seen, shown)
 
 
-class Days(NamedTuple):
-    """Runs of all case folders, one for each day, with the noise that imports stated, and a name for them together."""
+def days_given(logs: Logs | Sequence[str | Path], case: str | None) -> GivenLogs:
+    """Runs of paths, one for each day, or runs as they are; `case`: what they are called."""
+    if isinstance(logs, str | Path):
+        logs = [logs]
+    if isinstance(logs, Sequence) and logs and all(isinstance(path, str | Path) for path in logs):
+        days = read_days([str(path) for path in logs])
+        return days._replace(case=case or days.case)
+    return logs_given(logs, case)  # type: ignore[arg-type]
 
-    runs: list[Run]
-    stated: dict[str, float]
-    case: str
 
-
-def read_days(folders: Sequence[str | Path]) -> Days:
+def read_days(folders: Sequence[str | Path]) -> GivenLogs:
     """Reads case folders (`log.table.read_case`); runs of several days have their folder's name before their own."""
     runs, noise = [], dict[str, list[float]]()
     for folder in folders:
@@ -283,4 +300,4 @@ def read_days(folders: Sequence[str | Path]) -> Days:
         for name, level in stated_noise(folder).items():
             noise.setdefault(name, []).append(level)
     stated = {name: float(np.median(levels)) for name, levels in noise.items()}
-    return Days(runs, stated, "+".join(Path(folder).resolve().name for folder in folders))
+    return GivenLogs(runs, "+".join(Path(folder).resolve().name for folder in folders), stated)

@@ -15,8 +15,8 @@ from drift_drake.car.parameters import VehicleParameters
 from drift_drake.common.errors import significant
 from drift_drake.gap.estimation.baseline import scatter_of, with_partial
 from drift_drake.gap.estimation.normal import Normal
+from drift_drake.gap.estimation.prior import REACH, named_from
 from drift_drake.gap.estimation.scores import Day, block_information
-from drift_drake.gap.evidence.ranges import REACH, RELATIVE_TO_NONE, RELATIVE_TO_RIVAL
 
 TIMES = (1, 2, 4)  # as many recordings as there are
 SINGULAR = 1e-9  # of a scatter's largest direction, below which it is none
@@ -64,10 +64,8 @@ def limits(
     shifts = (root[:, None] * directions.T) @ (information[:, : len(normal.names)] / deviation[:, None])
     size = np.maximum(np.linalg.norm(shifts, axis=0), 1e-150)
     alike = np.abs(shifts.T @ shifts) / np.outer(size, size) - np.eye(len(size))
-    apart = np.sqrt(np.maximum(1.0 - np.minimum(alike.max(axis=0), 1.0) ** 2, 1e-12))
     out: dict[str, float | None] = {}
-    shifts = np.maximum(RELATIVE_TO_NONE, RELATIVE_TO_RIVAL / apart) / size
-    for name, unit, least in zip(normal.names, normal.units, shifts, strict=True):
+    for name, unit, least in zip(normal.names, normal.units, named_from(alike.max(axis=0)) / size, strict=True):
         if name not in LIMITS:
             info = CATALOGUE[name]
             magnitude = max(float(least * unit), info.least_for(vehicle))

@@ -8,11 +8,10 @@ from markupsafe import Markup
 from drift_drake.car.effects.catalogue import CATALOGUE
 from drift_drake.car.log.table import SHORTEST_RUN, UNITS, InvalidLogError
 from drift_drake.gap.estimation.driven import all_driven
+from drift_drake.gap.estimation.prior import REACH
 from drift_drake.gap.evidence.limit_rows import outlook_rows
-from drift_drake.gap.evidence.ranges import REACH
-from drift_drake.gap.identification.calibration import Identification, Parameter
+from drift_drake.gap.identification.calibration import Identification, Parameter, grouped
 from drift_drake.gap.identification.held_out import HeldOut
-from drift_drake.gap.identification.unidentified import grouped
 from drift_drake.view.colours import CARS
 from drift_drake.view.pages.charts import NORMAL, Figure, Line, Panel, finished, heat_map, placed, side_by_side, stacked
 from drift_drake.view.pages.driving import driving

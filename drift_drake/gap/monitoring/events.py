@@ -35,6 +35,11 @@ def nothing_seen(n: int) -> SoFar:
     return SoFar(np.zeros(4), np.zeros(n), np.full((2, len(SIGNALS)), np.nan))
 
 
+def no_verdict(labels: tuple[str, ...]) -> np.ndarray:
+    """The verdict in a monitor's state (`Verdict.at`) before the first one."""
+    return np.concatenate([[1.0], np.zeros(len(labels) - 1), np.full(4, np.nan)])
+
+
 class Watcher(Protocol):
     """A monitor of either kind: a bank of filters (`monitor`) or windows of predictions (`windowed.monitor`)."""
 

@@ -77,6 +77,11 @@ class EvidenceProblem(NamedTuple):
     tolerance: np.ndarray  # [n] standard deviation of each node's amplitude within the vehicle file's tolerances
     excess: np.ndarray  # [n, n] covariance of scores beyond white innovations, by roots of information
 
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """Names of the posterior's entries: none, the effects, unknown."""
+        return (NONE, *self.names, UNKNOWN)
+
 
 class Verdict(NamedTuple):
     """The posterior and what goes with its leading effect."""
@@ -88,6 +93,10 @@ class Verdict(NamedTuple):
     age: float  # [s] since the change
     edge: float  # [blocks] the most probable of the ages
     shown: np.ndarray  # [n] standard deviations that an amplitude of one shifts the scores by, at the best of the ages
+
+    def at(self, t: float) -> np.ndarray:
+        """As a monitor's state holds it: the probabilities, magnitude and interval, and the time of the change [s]."""
+        return np.concatenate([self.probabilities, [self.magnitude, self.low, self.high, t - self.age]])
 
 
 def evidence_problem(nodes: Sequence[Node], tolerance: np.ndarray) -> EvidenceProblem:
@@ -222,11 +231,6 @@ def _verdict(
     by_age = share.sum(axis=1) if other.sum() < by_effect[leading] else other / other.sum()
     edge = float(ages[int(np.argmax(by_age))])
     return Verdict(p, mean, mean - half, mean + half, float(by_age @ ages) * block, edge, np.zeros(0))
-
-
-def labels(problem: EvidenceProblem) -> tuple[str, ...]:
-    """Names of the posterior's entries."""
-    return (NONE, *problem.names, UNKNOWN)
 
 
 def renewed(

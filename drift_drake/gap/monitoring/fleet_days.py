@@ -11,18 +11,16 @@ from drift_drake.car.given_vehicle import GivenVehicle
 from drift_drake.car.log.table import InvalidLogError, Run, case_paths, read_case, read_run
 from drift_drake.common.executors import ExecutorConfig, results_of
 from drift_drake.gap.estimation.windows import run_errors
-from drift_drake.gap.monitoring.baseline_scores import block_sums
-from drift_drake.gap.monitoring.baselines import Baseline, OfPrediction, calibrated_watcher
+from drift_drake.gap.monitoring.baselines import Baseline, OfPrediction, block_sums, calibrated_watcher
 from drift_drake.gap.monitoring.events import Watcher
 from drift_drake.gap.monitoring.evidence import EvidenceProblem, no_sums, whitened
 from drift_drake.gap.monitoring.history import of_parts
 from drift_drake.gap.monitoring.monitor import Monitor, make_monitor
 from drift_drake.gap.monitoring.watch import WATCHED, monitor_of
 from drift_drake.gap.monitoring.windowed.baseline import window_monitor, windows_of
-from drift_drake.gap.monitoring.windowed.familiar import unlike
 from drift_drake.gap.monitoring.windowed.monitor import WindowMonitor
 from drift_drake.gap.monitoring.windowed.null import whitened_after
-from drift_drake.gap.monitoring.windowed.sums import WindowSums, features, sums_of
+from drift_drake.gap.monitoring.windowed.sums import WindowSums, features, sums_of, unlike
 
 Folders = Mapping[tuple[str, str], Path]  # of cars and days
 
@@ -95,7 +93,7 @@ def known_sums(monitor: WindowMonitor, run: Run) -> Iterator[WindowSums]:
     p = monitor.projection
     for window in windows_of(monitor, run):
         if unlike(monitor.familiar, features(window)) is None:
-            yield sums_of(p, window, run_errors(window, p.constants, p.own), monitor.slipping_of(window))
+            yield sums_of(p, window, run_errors(window, p.constants, p.own))
 
 
 def days_of(folders: Folders, judge: Judge, run_on: ExecutorConfig | None = None) -> list[FleetDay]:

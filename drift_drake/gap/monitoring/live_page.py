@@ -5,7 +5,7 @@ import time
 from collections import deque
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -27,14 +27,6 @@ NONE_COLOUR, OTHER_COLOUR, UNKNOWN_COLOUR = "#009e73", "#bbbbbb", "#d55e00"
 COLOURS = ("#0072b2", "#e69f00", "#cc79a7", "#56b4e9")
 
 UNITS = {"r": "rad/s", "v": "m/s", "beta": "rad", "omega_r": "m/s"}
-
-
-class Drawn(NamedTuple):
-    """What is drawn of one verdict."""
-
-    t: float  # [s]
-    p: np.ndarray  # probabilities in the order of the labels
-    signals: np.ndarray  # [2, SIGNALS] measured and predicted
 
 
 @dataclasses.dataclass(frozen=True)
@@ -67,11 +59,11 @@ def shown_while(
     Raises:
         OutputError: the page cannot be written.
     """
-    kept: deque[Drawn] = deque(maxlen=LONGEST)
+    kept: deque[VerdictAt] = deque(maxlen=LONGEST)
     events, written = list[dict[str, Any]](), -np.inf
     try:
         for judged in verdicts:
-            kept.append(Drawn(judged.t, judged.verdict[: len(labels)], judged.seen.signals))
+            kept.append(judged)
             events += judged.events
             if live and time.monotonic() - written >= EACH:
                 write_text(path, page(name, labels, kept, events, live))
@@ -82,14 +74,14 @@ def shown_while(
 
 
 def page(
-    name: str, labels: Sequence[str], verdicts: Sequence[Drawn] | deque[Drawn],
+    name: str, labels: Sequence[str], verdicts: Sequence[VerdictAt] | deque[VerdictAt],
     events: Sequence[Mapping[str, Any]], live: bool,
 ) -> str:  # fmt: skip
-    """The page's HTML; verdicts: probabilities in the order of `labels`, and signals."""
+    """The page's HTML of verdicts, their probabilities in the order of `labels`."""
     every = max(len(verdicts) // POINTS, 1)
     rows = list(verdicts)[::-1][::every][::-1]  # the newest stays
     t = np.array([row.t for row in rows])
-    p = np.array([row.p for row in rows]).reshape(len(t), len(labels))
+    p = np.array([row.verdict[: len(labels)] for row in rows]).reshape(len(t), len(labels))
     start, end = (float(t[0]), float(t[-1])) if len(t) else (0.0, 0.0)
     x = np.zeros(len(t)) if end == start else (t - start) / (end - start) * len(t)
     marks = [(event["t"] - start) / (end - start) * len(t) for event in events if end > start and event["t"] >= start]
@@ -99,7 +91,7 @@ def page(
     now = sentence(last) if last is not None else f"{end:.1f} s: nothing has changed"
     html = templates(TEMPLATE.parent).get_template(TEMPLATE.name).render(
         name=name, live=live, now=now, changed=changed, width=max(len(t), 1), bands=bands(labels, x, p),
-        traces=traces(x, np.array([row.signals for row in rows]).reshape(len(t), 2, len(SIGNALS))),
+        traces=traces(x, np.array([row.seen.signals for row in rows]).reshape(len(t), 2, len(SIGNALS))),
         times=np.linspace(start, end, TICKS), marks=[f"{mark:.2f}" for mark in marks],
         events=[sentence(event) for event in events[-EVENTS:]], written=time.time(),
         clock=time.strftime("%Y-%m-%d %H:%M:%S"),

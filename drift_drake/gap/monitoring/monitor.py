@@ -13,18 +13,18 @@ from drift_drake.car.log.plausible import ABSURD
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.car.sensors import NoiseLevels
 from drift_drake.gap.estimation.filter_state import CHANNELS
+from drift_drake.gap.estimation.prior import TOLERANCE_OF
 from drift_drake.gap.estimation.problem import PROCESS_NOISE
 from drift_drake.gap.estimation.reduction import STATES
 from drift_drake.gap.monitoring import bank as filters
 from drift_drake.gap.monitoring.bank import Bank, BankState, Node, allowance, gated_row, make_bank, make_nodes, on_bank
-from drift_drake.gap.monitoring.events import SIGNALS, SoFar, nothing_seen
+from drift_drake.gap.monitoring.events import SIGNALS, SoFar, no_verdict, nothing_seen
 from drift_drake.gap.monitoring.evidence import (
     ALARM,
     TRUSTED,
     EvidenceProblem,
     Sums,
     evidence_problem,
-    labels,
     no_sums,
     renewed,
     verdict_of,
@@ -37,8 +37,8 @@ SETTLING = 0.35  # [s] after the first row that do not count: commands before it
 CLIPPED = 8.0  # root of squares at which a row's innovations are clipped (Huber)
 PROCESS_SCALE = 3.0  # of the process noise of `estimation`: a filter that forgets sooner sees a change sooner
 FORGETTING = 0.8  # of what came before, each time that 6.4 s join it
-TOLERANCES = {name: info.tolerance for name, info in CATALOGUE.items() if info.tolerance}
-TOLERANCES["wheel_radius_error"] = "wheel_radius"  # the rim speed is logged with the radius that the file states
+# The rim speed is logged with the radius that the file states.
+TOLERANCES = TOLERANCE_OF | {"wheel_radius_error": "wheel_radius"}
 SPIN = 1.2  # [rad]
 
 
@@ -77,15 +77,14 @@ class Monitor:
     @property
     def labels(self) -> tuple[str, ...]:
         """Names of the posterior's entries: none, the effects, unknown."""
-        return labels(self.problem)
+        return self.problem.labels
 
     def start(self) -> State:
         """Before the first row."""
         n = len(self.problem.nodes)
-        p = np.zeros(len(self.labels) + 4)
-        p[0], p[-4:] = 1.0, np.nan
         nothing = no_sums(n)
-        return State(np.zeros(4), filters.make_state(self.bank), nothing, no_history(nothing), nothing_seen(n), p)
+        return State(np.zeros(4), filters.make_state(self.bank), nothing, no_history(nothing), nothing_seen(n),
+                     no_verdict(self.labels))  # fmt: skip
 
     def after_row(self, state: State, y: np.ndarray, command: np.ndarray, t: float, road: float = 0.0) -> State:
         """See `events.Watcher`."""
@@ -206,7 +205,6 @@ def _closed(monitor: Monitor, state: State, t: float) -> State:
     if verdict.probabilities[0] < TRUSTED:
         history, verdict = renewed(monitor.problem, history, verdict, BLOCK)
     edge = verdict.edge if verdict.probabilities[0] < TRUSTED else 0.0
-    values = np.concatenate([verdict.probabilities, [verdict.magnitude, verdict.low, verdict.high, t - verdict.age]])
     seen = SoFar(state.seen.time + np.array([BLOCK, 0.0, 0.0, 0.0]), np.maximum(state.seen.shown, verdict.shown),
                 np.stack([state.bank.reading, state.bank.predicted])[:, : len(SIGNALS)])  # fmt: skip
-    return State(np.array([rows, 0.0, edge, left]), state.bank, no_sums(n), history, seen, values)
+    return State(np.array([rows, 0.0, edge, left]), state.bank, no_sums(n), history, seen, verdict.at(t))

@@ -14,7 +14,7 @@ from drift_drake.gap.logs.noise import white_noise_level
 from drift_drake.gap.monitoring.events import Events, SoFar, Watcher
 from drift_drake.gap.monitoring.evidence import EvidenceProblem
 from drift_drake.gap.monitoring.monitor import Monitor, make_monitor
-from drift_drake.gap.monitoring.windowed.familiar import harder
+from drift_drake.gap.monitoring.windowed.sums import harder
 
 HEAD = 3.0  # [s] of a log that the sensors' noise is taken from
 LEAST_NOISE = 0.25  # of a good inertial system's: a smoothed column hides its noise

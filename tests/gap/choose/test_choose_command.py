@@ -86,7 +86,7 @@ def test_a_double_track_car_is_written_as_one(
     logs: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     car, out = IdentifiedCar(CARS["saloon"], Effects(steering_lag=0.05)), tmp_path / "identified.yaml"
-    monkeypatch.setattr("drift_drake.gap.choose.choose.ask", lambda *_: Choice(Findings(car, 0.01), 0.012))
+    monkeypatch.setattr("drift_drake.gap.choose.choice.ask", lambda *_: Choice(Findings(car, 0.01), 0.012))
     assert main(["choose", str(logs), "--out", str(out), "--json", str(tmp_path / "choice.json")]) == 0
     assert "drive with the identified double-track car: " in capsys.readouterr().out
     assert read_car(out) == car
@@ -97,7 +97,7 @@ def test_a_double_track_car_is_written_as_one(
 def test_a_double_track_car_is_a_first_guess_too(logs: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """As `identify` writes it, and as what `choose` itself has identified."""
     asked = []
-    monkeypatch.setattr("drift_drake.gap.choose.choose.ask",
+    monkeypatch.setattr("drift_drake.gap.choose.choice.ask",
                         lambda _, first, __: asked.append(first) or Choice(Findings(None), 0.012))  # fmt: skip
     write_vehicle(tmp_path / "car.yaml", CARS["saloon"], Effects(), (CARS["saloon"].single_track(), Effects()))
     assert main(["choose", str(logs), "--vehicle", str(tmp_path / "car.yaml")]) == 0

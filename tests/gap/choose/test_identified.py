@@ -71,7 +71,7 @@ def test_a_car_whose_likelihood_has_no_optimum_is_not_identified(
     def without_optimum(*_: object, **__: object) -> None:
         VehicleParameters().replace(mass=np.nan)
 
-    monkeypatch.setattr("drift_drake.gap.choose.identified.identify", without_optimum)
+    monkeypatch.setattr("drift_drake.gap.choose.identified.calibrate", without_optimum)
     assert identified(runs_of(driven), VehicleParameters()) is None
 
 

@@ -12,7 +12,7 @@ from drift_drake.car.parameters import VehicleParameters
 from drift_drake.common.errors import DriftDrakeError
 from drift_drake.common.executors import ExecutorConfig
 from drift_drake.common.worker_pool import WorkerLostError
-from drift_drake.gap.diagnosis import folders
+from drift_drake.gap.diagnosis import diagnose as diagnosing
 
 
 def here(
@@ -48,14 +48,14 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
             raise WorkerLostError("its process ended")
         return SimpleNamespace(answer=SimpleNamespace(case=path.name))
 
-    monkeypatch.setattr(folders, "answer_folder", answer)
-    monkeypatch.setattr(folders, "run_jobs", here)
+    monkeypatch.setattr(diagnosing, "answer_folder", answer)
+    monkeypatch.setattr(diagnosing, "run_jobs", here)
     return tmp_path
 
 
 def test_the_other_cases_are_answered(folder: Path) -> None:
     refused: list[DriftDrakeError] = []
-    answers = folders.diagnose_all(folder, VehicleParameters(), ExecutorConfig(), refused=refused.append)
+    answers = diagnosing.diagnose_all(folder, VehicleParameters(), ExecutorConfig(), refused=refused.append)
     assert [answer.case for answer in answers] == ["a", "c"]
     rest = "run the command again, which goes on with what is not answered"
     assert [str(error) for error in refused] == ["b: spoilt", f"{folder / 'd'}: its process ended; {rest}"]
@@ -63,4 +63,4 @@ def test_the_other_cases_are_answered(folder: Path) -> None:
 
 def test_without_a_listener_the_error_is_raised(folder: Path) -> None:
     with pytest.raises(InvalidLogError, match="b: spoilt"):
-        folders.diagnose_all(folder, VehicleParameters(), ExecutorConfig())
+        diagnosing.diagnose_all(folder, VehicleParameters(), ExecutorConfig())

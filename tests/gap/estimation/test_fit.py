@@ -6,9 +6,10 @@ from scipy.integrate import quad
 
 from drift_drake.car.effects.catalogue import CATALOGUE
 from drift_drake.car.parameters import VehicleParameters
-from drift_drake.gap.estimation.fit import MAGNITUDE_STEP, fit, laplace_terms, last_derivative, sensitivity
+from drift_drake.gap.estimation.fit import MAGNITUDE_STEP, laplace_terms, last_derivative, sensitivity
 from drift_drake.gap.estimation.prior import NO_GAP, bounds, is_gap, log_density, starts
 from drift_drake.gap.estimation.problem import NUISANCES, filter_case, make_problem, observe_case
+from tests.gap.fits import fit
 
 NAMES = ("rear_stiffness_error", "steering_lag")
 

@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from drift_drake.gap.estimation.free_directions import (
+from drift_drake.gap.estimation.partial import (
     CLOCK,
     DRIFT,
     FREE,

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from drift_drake.car.parameters import VehicleParameters
-from drift_drake.gap.estimation.fit import fit
 from drift_drake.gap.estimation.freeform import force_units, forced, misfit, pulses
 from drift_drake.gap.estimation.problem import counted, filter_case, filtered_states, make_problem, observe
 from experiments.benchmarks.compiled_cases import make_case
 from experiments.benchmarks.truths import Truth
+from tests.gap.fits import fit
 
 
 @pytest.mark.parametrize("kind", ["pulses", "functions"])

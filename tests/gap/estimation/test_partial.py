@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from drift_drake.car.effects.catalogue import CATALOGUE
-from drift_drake.gap.estimation.free_directions import FREE
 from drift_drake.gap.estimation.partial import (
     DRIVING,
+    FREE,
     LARGEST,
     PARTIAL,
     Partial,

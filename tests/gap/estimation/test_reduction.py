@@ -5,7 +5,6 @@ import pytest
 
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.gap.estimation import reduction as reductions
-from drift_drake.gap.estimation.fit import fit
 from drift_drake.gap.estimation.freeform import misfit
 from drift_drake.gap.estimation.problem import filter_case, make_problem
 from drift_drake.gap.estimation.reduction import (
@@ -22,6 +21,7 @@ from drift_drake.gap.estimation.reduction import (
     without_effects,
 )
 from drift_drake.gap.evidence.where import find_gap
+from tests.gap.fits import fit
 
 NAMES = ("rear_stiffness_error",)
 

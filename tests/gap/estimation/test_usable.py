@@ -8,8 +8,7 @@ import pytest
 from drift_drake.car.log.driving import driven, reversing, slowest_asked
 from drift_drake.car.log.table import InvalidLogError, Run
 from drift_drake.car.parameters import VehicleParameters
-from drift_drake.gap.estimation.admitted import admit
-from drift_drake.gap.estimation.usable import least_part, usable, usable_parts
+from drift_drake.gap.estimation.usable import admit, least_part, usable, usable_parts
 from drift_drake.gap.logs.screening.screened import screened
 from drift_drake.gap.logs.screening.suspicions import suspicions
 

@@ -18,6 +18,7 @@ from drift_drake.gap.diagnosis.calibrated.posterior import (
     not_excluded,
     tells_from_zero,
 )
+from drift_drake.gap.estimation.prior import REACH, Range, at_end, clipped, farther, range_of
 from drift_drake.gap.evidence.constants import ELSE, OF_SCATTER, PRIORS, STANDS_FOR
 from drift_drake.gap.evidence.hypotheses import (
     Curve,
@@ -29,7 +30,6 @@ from drift_drake.gap.evidence.hypotheses import (
     follow,
 )
 from drift_drake.gap.evidence.left_over import LeftOver
-from drift_drake.gap.evidence.ranges import NO_GAP, REACH, Range, at_end, clipped, farther, range_of
 from drift_drake.gap.evidence.ranking import ranked, shared_out, threshold
 
 CAR = VehicleParameters()
@@ -49,11 +49,6 @@ def test_a_range_holds_the_practical_one_and_leaves_out_what_is_no_gap(name):
     assert r.high == pytest.approx(REACH * high)
     assert 0.0 < r.least < max(abs(low), high)
     assert r.low == pytest.approx(REACH * low if low < 0.0 else r.least)
-
-
-def test_a_wide_tolerance_is_no_gap():
-    unsure = CAR.replace(tolerance=dataclasses.replace(CAR.tolerance, friction=0.1))
-    assert range_of("friction_level", unsure).least == pytest.approx(0.1 * NO_GAP)
 
 
 def test_clipping_keeps_within_bounds_and_away_from_no_gap():

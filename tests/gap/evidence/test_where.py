@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 from drift_drake.car.parameters import VehicleParameters
-from drift_drake.gap.estimation.fit import fit
 from drift_drake.gap.estimation.freeform import misfit
 from drift_drake.gap.estimation.problem import make_problem
 from drift_drake.gap.estimation.reduction import HORIZONS, STATES, start_rows
 from drift_drake.gap.estimation.regression import Regression
 from drift_drake.gap.evidence.where import _correlation, find_gap, region_names, region_of
+from tests.gap.fits import fit
 
 NO_FORCES = Regression(0.0, np.zeros(0), np.zeros(0, dtype=int), np.ones(5), 0.0)
 

@@ -29,4 +29,5 @@ def strange_car_truth():
 
 @pytest.fixture(scope="session")
 def identified(strange_car_runs):
-    return identify(strange_car_runs, VehicleParameters(), case="short", names=("steering_lag", "aero_drag"))
+    effects = ("steering_lag", "aero_drag")
+    return identify(strange_car_runs, VehicleParameters(), case="short", effects=effects, watching=False)

@@ -122,7 +122,7 @@ def test_logs_of_another_kind_of_car_choose_prediction(other_car, monkeypatch):
     monkeypatch.setattr(
         identification, "identify_by_likelihood", lambda *given: tried.append(by_likelihood(*given)) or tried[0]
     )
-    found = identify([run.rows(0, 300) for run in other_car.runs[:2]], other_car.guess, names=())
+    found = identify([run.rows(0, 300) for run in other_car.runs[:2]], other_car.guess, effects=(), watching=False)
     assert tried[0].calibration.tempering < WHITE
     assert found.calibration.criterion == "prediction"
     assert "innovations are not white" in found.calibration.warnings[0]
@@ -153,7 +153,7 @@ def test_a_car_that_the_equations_follow_is_calibrated_by_likelihood(strange_car
     monkeypatch.setattr(identification, "FURTHER", ())
     monkeypatch.setattr(identification, "identify_by_likelihood", asked)
     with pytest.raises(NotImplementedError):
-        identify(strange_car_runs, VehicleParameters(), names=("steering_lag",))
+        identify(strange_car_runs, VehicleParameters(), effects=("steering_lag",))
 
 
 def test_prediction_without_sideslip_is_refused(other_car):

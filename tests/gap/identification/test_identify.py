@@ -74,7 +74,7 @@ def test_effects_that_are_not_there_are_left_out(identified):
 def test_without_torque_what_only_torque_tells_stays_not_identified(strange_car_runs):
     runs = [run.without("tau_cmd") for run in strange_car_runs[:2]]
     names = ("steering_lag", "steering_offset", "torque_lag")  # the second a parameter of the vehicle file
-    found = identify(runs, VehicleParameters(), names=names, criterion="likelihood")
+    found = identify(runs, VehicleParameters(), effects=names, criterion="likelihood", watching=False)
     c = found.calibration
     assert c.parameters["steering_offset"].kind == "free"
     assert "effect steering_offset: calibrated anyway, as a parameter of the vehicle file" in c.warnings
@@ -87,7 +87,7 @@ def test_bad_names_and_logs_get_one_sentence(strange_car_runs):
     with pytest.raises(InvalidVehicleError, match="heaviness is no parameter"):
         identify(strange_car_runs, VehicleParameters(), known=("heaviness",))
     with pytest.raises(InvalidVehicleError, match="wind is no effect"):
-        identify(strange_car_runs, VehicleParameters(), names=("wind",))
+        identify(strange_car_runs, VehicleParameters(), effects=("wind",))
     with pytest.raises(InvalidLogError, match="no run has"):
         identify([strange_car_runs[0].rows(0, 100)], VehicleParameters())
     short = [run.rows(0, 200) for run in strange_car_runs]
@@ -119,7 +119,7 @@ def test_an_axles_inertia_is_not_taken_for_a_lag():
         simulate_drive(Simulate(name, Path("car.yaml"), Path(f"{name}.csv"), duration=6.0), car, true)[0]
         for name in ("slalom", "straight")
     ]
-    found = identify(runs, car, criterion="likelihood").calibration
+    found = identify(runs, car, criterion="likelihood", watching=False).calibration
     assert "torque_lag" in found.left_out
     assert (
         found.parameters["rear_axle_inertia"].low < car.rear_axle_inertia < found.parameters["rear_axle_inertia"].high

@@ -10,7 +10,7 @@ from drift_drake.car.parameters import VehicleParameters
 from drift_drake.gap.estimation.unknowns import BROAD
 from drift_drake.gap.identification import identify as identification
 from drift_drake.gap.identification.identify import identify
-from drift_drake.gap.identification.kept import kept_at_first_guess, widened_unknown
+from drift_drake.gap.identification.stated import kept_at_first_guess, widened_unknown
 
 
 def test_a_parameter_that_was_fitted_is_stated_as_before(identified):
@@ -49,7 +49,7 @@ def test_friction_stays_where_the_drives_do_not_show_it(strange_car_runs, monkey
     monkeypatch.setattr(identification, "driving_of", lambda *given: dataclasses.replace(driving_of(*given), used=0.3))
     first = VehicleParameters(friction=1.05)
     runs = [run.rows(0, 300) for run in strange_car_runs[:2]]
-    found = identify(runs, first, names=(), criterion=criterion, force=True)
+    found = identify(runs, first, effects=(), criterion=criterion, force=True, watching=False)
     assert found.vehicle.friction == pytest.approx(1.05, abs=1e-3)
     assert found.calibration.parameters["friction"].kind == "unseen"
     assert any("friction: kept at the first guess" in warning for warning in found.calibration.warnings)

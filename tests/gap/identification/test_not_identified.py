@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from drift_drake.gap.identification.calibration import Direction, not_identified, tied
-from drift_drake.gap.identification.unidentified import grouped
+from drift_drake.gap.identification.calibration import Direction, grouped, not_identified, tied
 
 NAMES = ["mass", "torque", "friction"]
 

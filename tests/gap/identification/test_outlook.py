@@ -5,7 +5,7 @@ import pytest
 
 from drift_drake.car.effects.catalogue import CATALOGUE, LIMITS
 from drift_drake.car.parameters import VehicleParameters
-from drift_drake.gap.evidence.ranges import RELATIVE_TO_NONE, RELATIVE_TO_RIVAL
+from drift_drake.gap.estimation.prior import RELATIVE_TO_NONE, RELATIVE_TO_RIVAL
 from drift_drake.gap.identification.outlook import gains, limits, never, outlook, sentences, unknown_after
 
 

@@ -8,7 +8,7 @@ from scipy.stats import chi2
 
 from drift_drake.car.effects.magnitudes import Effects
 from drift_drake.car.parameters import VehicleParameters
-from drift_drake.gap.identification.whiteness import NEAR, Whiteness, whiteness
+from drift_drake.gap.identification.estimate import NEAR, Whiteness, whiteness
 from experiments.benchmarks.compiled_cases import make_case
 from experiments.benchmarks.truths import Truth
 
@@ -40,7 +40,7 @@ def test_of_another_kind_of_car_they_are_not(other_car):
 
 
 def test_a_filter_that_diverges_is_not_white(nominal_runs, monkeypatch):
-    from drift_drake.gap.identification import whiteness as module
+    from drift_drake.gap.identification import estimate as module
 
     def diverged(problem, *_args):
         gains = filter_case(problem, *_args)
@@ -56,7 +56,7 @@ def test_a_filter_that_diverges_is_not_white(nominal_runs, monkeypatch):
 
 def test_numbers_are_those_of_known_innovations(nominal_runs, monkeypatch):
     """White noise of variance 4, and a first-order recursion of correlation 0.6, in place of a filter's innovations."""
-    from drift_drake.gap.identification import whiteness as module
+    from drift_drake.gap.identification import estimate as module
 
     rng = np.random.default_rng(2)
 

@@ -8,6 +8,7 @@ from scipy.integrate import solve_ivp
 
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.car.single_track.motion import derivatives, motion, world_rates
+from drift_drake.gap.logs.importing.checks import recording_doubts
 
 PERIOD = 0.005  # [s] of the simulation, and of the truth
 WHEELBASE = VehicleParameters().front_axle_distance + VehicleParameters().rear_axle_distance
@@ -63,3 +64,8 @@ def rows(period: float = 0.01, noise: float = 0.0, seed: int = 0) -> dict[str, n
         name: table[name].to_numpy() + noise * levels.get(name, 0.0) * generator.standard_normal(len(table))
         for name in table
     }
+
+
+def column_doubts(columns, period, wheelbase=None):
+    """What looks wrong in one run."""
+    return recording_doubts([columns], period, wheelbase).sentences

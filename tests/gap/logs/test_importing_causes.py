@@ -3,11 +3,10 @@
 import numpy as np
 import pandas as pd
 import pytest
-from importing_bench import WHEELBASE, rows
+from importing_bench import WHEELBASE, column_doubts, rows
 
 from drift_drake.cli.import_logs import summary
-from drift_drake.gap.logs.importing.checks import column_doubts
-from drift_drake.gap.logs.importing.clock_doubts import clock_doubts
+from drift_drake.gap.logs.importing.clocks import clock_doubts
 from drift_drake.gap.logs.importing.formats.files import InvalidRecordingError
 from drift_drake.gap.logs.importing.importer import import_recordings
 from drift_drake.gap.logs.importing.mapping import mapping_from_dict

@@ -4,9 +4,7 @@ import re
 
 import numpy as np
 import pytest
-from importing_bench import WHEELBASE, rows
-
-from drift_drake.gap.logs.importing.checks import column_doubts
+from importing_bench import WHEELBASE, column_doubts, rows
 
 DEGREES = 180.0 / np.pi
 

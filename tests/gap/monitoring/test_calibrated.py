@@ -12,8 +12,12 @@ from drift_drake.car.parameters import VehicleParameters
 from drift_drake.cli.main import BAD_INPUT, main
 from drift_drake.gap.monitoring import monitor
 from drift_drake.gap.monitoring.bank import gated_row
-from drift_drake.gap.monitoring.baseline_scores import BaselineScores, calibrated_monitor, learn_baseline_scores
-from drift_drake.gap.monitoring.baselines import baseline_given
+from drift_drake.gap.monitoring.baselines import (
+    BaselineScores,
+    baseline_given,
+    calibrated_monitor,
+    learn_baseline_scores,
+)
 from drift_drake.gap.monitoring.events import InvalidBaselineScoresError
 from drift_drake.gap.monitoring.watch import monitor_of, rows_of, watched
 from experiments.monitoring.drives import changed_drive

@@ -6,7 +6,7 @@ from scipy.integrate import quad
 from scipy.stats import norm
 
 from drift_drake.gap.monitoring.bank import Node
-from drift_drake.gap.monitoring.evidence import Sums, evidence_problem, labels, no_sums, verdict_of
+from drift_drake.gap.monitoring.evidence import Sums, evidence_problem, no_sums, verdict_of
 from drift_drake.gap.monitoring.history import no_history, with_block
 
 NODES = [Node("steering_lag", 0.1, 1.0, 0.6), Node("gyro_bias", 0.02, 0.0, 2.0, True), Node("aero_drag", 1.0, 0.0, 2.0)]
@@ -33,7 +33,7 @@ def verdict(*given: float):
 def test_without_evidence_the_posterior_is_the_prior(blocks, before):
     """A change comes once in ten minutes; one simulator in ten has a gap from the start, one gap in ten is unknown."""
     odds = blocks * BLOCK / 600.0 + (0.0 if before else 0.1)
-    found = dict(zip(labels(evidence_problem(NODES, np.zeros(3))), verdict(blocks, before).probabilities, strict=True))
+    found = dict(zip(evidence_problem(NODES, np.zeros(3)).labels, verdict(blocks, before).probabilities, strict=True))
     assert found["none"] == pytest.approx(1.0 / (1.0 + odds), rel=1e-6)
     assert found["unknown"] == pytest.approx(0.1 * odds / (1.0 + odds), rel=1e-6)
     assert sum(found.values()) == pytest.approx(1.0)

@@ -8,7 +8,7 @@ from drift_drake.car.log.table import Run
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.gap.estimation.filter_state import CHANNELS
 from drift_drake.gap.monitoring.bank import allowance
-from drift_drake.gap.monitoring.baseline_scores import block_sums
+from drift_drake.gap.monitoring.baselines import block_sums
 from drift_drake.gap.monitoring.monitor import Monitor, State, after_row, make_monitor
 from drift_drake.gap.monitoring.watch import WATCHED, Row, rows_of
 from experiments.monitoring.drives import changed_drive

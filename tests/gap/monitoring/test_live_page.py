@@ -7,7 +7,9 @@ from browser import check_looks, needs_browser
 from drift_drake.car.log.table import write_run
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.cli.main import main
-from drift_drake.gap.monitoring.live_page import LEADING, Drawn, bands, page
+from drift_drake.gap.monitoring.events import nothing_seen
+from drift_drake.gap.monitoring.live_page import LEADING, bands, page
+from drift_drake.gap.monitoring.watch import VerdictAt
 
 SIGNALS_OF_A_DRIVE = np.arange(8.0).reshape(2, 4)
 
@@ -36,7 +38,8 @@ def test_the_page_of_a_log_shows_what_was_reported(watched_page, changed_run):
 def test_a_page_of_a_log_that_grows_loads_itself_anew(monitor):
     p = np.zeros(len(monitor.labels))
     p[0] = 1.0
-    text = page("log", monitor.labels, [Drawn(0.1 * i, p, SIGNALS_OF_A_DRIVE) for i in range(5000)], [], True)
+    seen = nothing_seen(1)._replace(signals=SIGNALS_OF_A_DRIVE)
+    text = page("log", monitor.labels, [VerdictAt(0.1 * i, p, [], seen) for i in range(5000)], [], True)
     assert 'http-equiv="refresh"' in text
     assert "nothing has changed" in text
     assert 'id="clock"' in text
@@ -60,7 +63,8 @@ def test_a_browser_draws_it(watched_page, browser):
 
 def test_a_watch_that_is_silent_is_said_to_be(monitor, tmp_path, browser, monkeypatch):
     monkeypatch.setattr("time.time", lambda: 1.0)
-    rows = [Drawn(0.1 * i, np.full(len(monitor.labels), 0.1), SIGNALS_OF_A_DRIVE) for i in range(50)]
+    seen = nothing_seen(1)._replace(signals=SIGNALS_OF_A_DRIVE)
+    rows = [VerdictAt(0.1 * i, np.full(len(monitor.labels), 0.1), [], seen) for i in range(50)]
     (tmp_path / "watch.html").write_text(page("log", monitor.labels, rows, [], True), encoding="utf-8")
     window = browser.new_page()
     window.goto((tmp_path / "watch.html").as_uri())

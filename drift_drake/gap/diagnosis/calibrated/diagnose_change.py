@@ -28,7 +28,6 @@ from drift_drake.gap.diagnosis.calibrated.posterior import (
     not_excluded,
     tells_from_zero,
 )
-from drift_drake.gap.estimation.admitted import admit
 from drift_drake.gap.estimation.effort import affordable, counted, remarks
 from drift_drake.gap.estimation.noise_levels import changed
 from drift_drake.gap.estimation.normal import Normal
@@ -36,7 +35,7 @@ from drift_drake.gap.estimation.prior import Interval
 from drift_drake.gap.estimation.reduction import STATES, Reduction
 from drift_drake.gap.estimation.scores import Day, make_day
 from drift_drake.gap.estimation.unknowns import magnitudes
-from drift_drake.gap.estimation.usable import seen_effects
+from drift_drake.gap.estimation.usable import admit, seen_effects
 from drift_drake.gap.estimation.windows import rows_between_starts, thinned, windowed
 from drift_drake.gap.evidence.constants import PRIORS, WORTH_A_PAIR
 from drift_drake.gap.evidence.hypotheses import Hypothesis, Search, as_change

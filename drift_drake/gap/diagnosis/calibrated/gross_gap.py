@@ -14,6 +14,7 @@ from scipy.optimize import minimize
 
 from drift_drake.car.effects.catalogue import LIMITS
 from drift_drake.gap.diagnosis.calibrated.posterior import tells_from_zero
+from drift_drake.gap.estimation.prior import at_end, at_shares, clipped, farther, tried_first
 from drift_drake.gap.estimation.reduction import FOLDS, NOTHING_REMOVED, Reduction, reduction_of
 from drift_drake.gap.estimation.scores import Day
 from drift_drake.gap.estimation.windows import thinned
@@ -25,7 +26,6 @@ from drift_drake.gap.evidence.hypotheses import (
     effects_of,
 )
 from drift_drake.gap.evidence.posterior import PosteriorConstants, hypothesis_name
-from drift_drake.gap.evidence.ranges import at_end, at_shares, clipped, farther, tried_first
 from drift_drake.gap.evidence.ranking import DayRanked, concluded_from, prior
 
 FAR = 100.0  # mean square of a window, in scales, at which it counts half of what a diverged one does (Geman-McClure)

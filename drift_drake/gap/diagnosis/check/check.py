@@ -3,22 +3,16 @@
 import dataclasses
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
-from drift_drake.car.effects.catalogue import CATALOGUE
-from drift_drake.car.foreign.simulator_car import SimulatorCar
-from drift_drake.car.given_vehicle import Vehicle, single_track_of, vehicle_given
-from drift_drake.car.log.given import GivenLogs, Logs, logs_given
+from drift_drake.car.given_vehicle import Vehicle, vehicle_given
+from drift_drake.car.log.given import Logs, logs_given
 from drift_drake.common.errors import InvalidOptionError
 from drift_drake.gap.logs.screening.consistency import consistency_of
 from drift_drake.gap.logs.screening.repeated import without_repeated
 from drift_drake.gap.logs.screening.screened import RunQuality, quality, screened
 
 if TYPE_CHECKING:
-    from drift_drake.gap.diagnosis.check.for_calibration import ForCalibration
+    from drift_drake.gap.diagnosis.check.with_vehicle import ForCalibration
     from drift_drake.gap.diagnosis.diagnose import GivenCalibration
-
-LEAST_COVERED = 0.5  # [s] in an operating region that counts as driven
 
 
 @dataclasses.dataclass(frozen=True)
@@ -71,44 +65,8 @@ def check(
     agrees = consistency_of([one.run for one in clean], car)
     remarks = [*(doubt.sentence for doubt in agrees.doubts), *repeated, *bad]
     checked = Checked(given.case, quality(once, clean), remarks, unchecked=agrees.unchecked, undecided=agrees.undecided)
-    return checked if vehicle is None else _with_vehicle(checked, given, vehicle, calibration, for_calibration, workers)
+    if vehicle is None:
+        return checked
+    from drift_drake.gap.diagnosis.check.with_vehicle import with_vehicle  # slow to import
 
-
-def _with_vehicle(
-    checked: Checked, given: GivenLogs, car: Vehicle, calibration: "GivenCalibration | None", asked: bool, workers: int
-) -> Checked:
-    """What can be said relative to a vehicle."""
-    # Slow to import, and of no use without a vehicle.
-    from drift_drake.gap.diagnosis.check.limits import limits_by_filter, limits_by_prediction
-    from drift_drake.gap.diagnosis.diagnose import trust_given
-    from drift_drake.gap.estimation.admitted import admit
-    from drift_drake.gap.evidence.where import region_names, region_of
-    from drift_drake.gap.identification.calibration import CarTrust
-
-    whole, own, tolerances, _ = vehicle_given(car)
-    vehicle = whole.single_track()
-    kept, doubts, warnings = admit(given.runs, whole)
-    stated = {doubt.sentence for doubt in doubts if doubt.column is not None}  # by what is asked of the columns already
-    warnings = [warning for warning in warnings if warning not in stated]
-    names, grip = region_names(), vehicle.friction * vehicle.gravity
-    seconds = np.zeros(len(names))
-    for run in kept:
-        beta = np.zeros(len(run)) if run.beta is None else run.beta
-        np.add.at(seconds, region_of(run.v, run.r, beta, grip), run.period)
-    regions = {name: float(s) for name, s in zip(names, seconds, strict=True) if s >= LEAST_COVERED}
-    remarks = [*checked.remarks, *warnings]
-    checked = dataclasses.replace(checked, remarks=list(dict.fromkeys(remarks)), regions=regions)
-    if asked:
-        from drift_drake.gap.diagnosis.check.for_calibration import for_calibration
-
-        return dataclasses.replace(checked, for_calibration=for_calibration(kept, whole, own, tolerances))
-    unit = CarTrust(1.0, 1.0, 1.0, None)
-    trust = unit if calibration is None else trust_given(calibration, tuple(CATALOGUE))
-    detection: dict[str, dict[str, Any]] = {}
-    if isinstance(whole, SimulatorCar) and trust.normal is None:  # without a calibration there is no limit
-        more = [f"not judged, since the simulator cannot have it: {one}" for one in whole.simulator.left_out()]
-    elif trust.normal is not None:
-        detection, more = limits_by_prediction(kept, whole, trust.normal, own, checked.case, workers)
-    else:
-        detection, more = limits_by_filter(kept, single_track_of(whole), own, given.noise, trust.options())
-    return dataclasses.replace(checked, remarks=list(dict.fromkeys([*remarks, *more])), detection=detection)
+    return with_vehicle(checked, given, vehicle, calibration, for_calibration, workers)

@@ -8,8 +8,8 @@ from drift_drake.car.log.table import Run
 from drift_drake.car.parameters import CarParameters
 from drift_drake.gap.diagnosis.check.check import Checked
 from drift_drake.gap.estimation.driven import all_driven
+from drift_drake.gap.estimation.prior import REACH
 from drift_drake.gap.evidence.limit_rows import limit_rows, outlook_rows
-from drift_drake.gap.evidence.ranges import REACH
 from drift_drake.gap.logs.screening.screened import REACHED_UNITS
 from drift_drake.view.pages.driving import driving
 from drift_drake.view.pages.page import Source, page_html

@@ -18,7 +18,6 @@ from drift_drake.gap.diagnosis.likelihood.beliefs import beliefs_as_data
 from drift_drake.gap.diagnosis.likelihood.isolability import isolability
 from drift_drake.gap.diagnosis.likelihood.learned import learned
 from drift_drake.gap.diagnosis.likelihood.search import search
-from drift_drake.gap.estimation.admitted import admit
 from drift_drake.gap.estimation.fit import Fit, no_effects, prior_precision
 from drift_drake.gap.estimation.freeform import applied, misfit, responses, traced
 from drift_drake.gap.estimation.prior import TWO_SIDED, Interval, bounds
@@ -48,7 +47,7 @@ from drift_drake.gap.estimation.regression import (
     solve_equations,
     summed_equations,
 )
-from drift_drake.gap.estimation.usable import MOST_SECONDS, part_of, seen_effects
+from drift_drake.gap.estimation.usable import MOST_SECONDS, admit, part_of, seen_effects
 from drift_drake.gap.evidence.posterior import (
     UNKNOWN,
     PosteriorConstants,
@@ -123,27 +122,6 @@ class Judged:
             **further,
             "beliefs": beliefs_as_data(problem, self.hypotheses, self.posterior.probabilities, names, calibration),
         }
-
-    def answer(
-        self, problem: Problem, case: str, where: dict[str, Any], details: dict[str, Any], warnings: list[str],
-        seconds: float,
-    ) -> Answer:  # fmt: skip
-        """What is said of the case."""
-        posterior, tolerances = self.posterior, self.posterior.leading.theta[:TOLERANCES]
-        return Answer(
-            case=case,
-            verdict=posterior.verdict,
-            causes=list(posterior.causes),
-            posterior=posterior.probabilities,
-            ambiguity=posterior.ambiguity,
-            magnitudes=self.magnitudes(problem.vehicle),
-            where=where,
-            reduction=Interval(self.reduction.estimate, self.reduction.low, self.reduction.high),
-            seconds=seconds,
-            tolerances=dict(zip(NUISANCES[:TOLERANCES], (float(n) for n in tolerances), strict=True)),
-            details=details,
-            warnings=warnings,
-        )
 
 
 def judge_hypotheses(
@@ -271,11 +249,8 @@ class Diagnosis:
     answer: Answer
     problem: Problem
     found: list[tuple[Fit, float]]  # hypotheses with their log evidence, best first
-    posterior: Ranked[Fit]
     fit: Fit  # of the causes; of the leading hypothesis where the verdict is none or unknown
     reduction: Reduction
-    unexplained: Regression  # pulses that the best hypothesis leaves
-    lacking: Regression  # pulses that the car without effects lacks
     runs: Sequence[Run] = dataclasses.field(default=(), repr=False)  # as they were given
 
 
@@ -330,9 +305,13 @@ def diagnose(
     }
     warnings = [*doubted, *left_out, *unseen, *misfits]
     warnings += judged.warnings(problem)
-    answer = judged.answer(problem, case, where, details, warnings, time.perf_counter() - began)
+    posterior, shrinks = judged.posterior, judged.reduction
+    tolerances = posterior.leading.theta[:TOLERANCES].tolist()
+    answer = Answer(
+        case=case, verdict=posterior.verdict, causes=list(posterior.causes), posterior=posterior.probabilities,
+        ambiguity=posterior.ambiguity, magnitudes=judged.magnitudes(vehicle), where=where,
+        reduction=Interval(shrinks.estimate, shrinks.low, shrinks.high), seconds=time.perf_counter() - began,
+        tolerances=dict(zip(NUISANCES[:TOLERANCES], tolerances, strict=True)), details=details, warnings=warnings,
+    )  # fmt: skip
     tell("done", 1.0)
-    posterior = judged.posterior
-    return Diagnosis(
-        answer, problem, found, posterior, posterior.leading, judged.reduction, judged.left[0], lacking, given
-    )
+    return Diagnosis(answer, problem, found, posterior.leading, shrinks, given)

@@ -8,9 +8,8 @@ import numpy as np
 from drift_drake.car.effects.catalogue import CATALOGUE, LIMITS
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.gap.estimation.fit import MAGNITUDE_STEP, Fit, parameter_limits, prior_precision, run_sensitivity
-from drift_drake.gap.estimation.prior import scale, starts
+from drift_drake.gap.estimation.prior import REACH, RELATIVE_TO_NONE, named_from, scale, starts
 from drift_drake.gap.estimation.problem import Gains, Problem, counted, filter_case, observe
-from drift_drake.gap.evidence.ranges import REACH, RELATIVE_TO_NONE, RELATIVE_TO_RIVAL
 
 SMALL = 0.05  # of an effect's scale
 
@@ -39,16 +38,15 @@ class Isolability:
         """
         out: dict[str, dict[str, object]] = {}
         alike = self.likeness - np.eye(len(self.names))
+        shifts = named_from(alike.max(axis=1))
         for i, name in enumerate(self.names):
             if name in LIMITS:
                 continue
             rival = int(np.argmax(alike[i]))
-            apart = np.sqrt(max(1.0 - float(alike[i, rival]) ** 2, 1e-12))
-            from_rival = RELATIVE_TO_RIVAL / apart
-            least = float(self.deviation[i] * max(RELATIVE_TO_NONE, from_rival))
+            least = float(self.deviation[i] * shifts[i])
             info = CATALOGUE[name]
             within = least <= REACH * max(abs(end) for end in info.range_for(vehicle))
-            taken_for = self.names[rival] if from_rival > RELATIVE_TO_NONE else "none"
+            taken_for = self.names[rival] if shifts[i] > RELATIVE_TO_NONE else "none"
             out[name] = {"unit": info.unit, "least": least if within else None, "taken_for": taken_for}
         return out
 

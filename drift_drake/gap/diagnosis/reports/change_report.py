@@ -16,13 +16,13 @@ from drift_drake.gap.diagnosis.reports.report import in_doubt
 from drift_drake.gap.diagnosis.reports.trials import TRIED, trials
 from drift_drake.gap.estimation.driven import all_driven
 from drift_drake.gap.estimation.normal import LOST, Normal
+from drift_drake.gap.estimation.prior import REACH
 from drift_drake.gap.estimation.reduction import STATES
 from drift_drake.gap.estimation.robust_fit import MAD
 from drift_drake.gap.estimation.scores import Day
 from drift_drake.gap.estimation.windows import HORIZONS, WindowedRun, regimes
 from drift_drake.gap.evidence.limit_rows import limit_rows
 from drift_drake.gap.evidence.posterior import UNKNOWN
-from drift_drake.gap.evidence.ranges import REACH
 from drift_drake.view.colours import RUNS
 from drift_drake.view.pages.charts import LOW, NORMAL, Line, Panel, placed, reach_of, side_by_side, stacked
 from drift_drake.view.pages.driving import driving

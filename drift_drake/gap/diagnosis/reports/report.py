@@ -16,6 +16,7 @@ from drift_drake.gap.estimation.driven import all_driven
 from drift_drake.gap.estimation.filter_state import CHANNELS
 from drift_drake.gap.estimation.fit import Fit, no_effects
 from drift_drake.gap.estimation.freeform import misfit, with_more_process_noise
+from drift_drake.gap.estimation.prior import REACH
 from drift_drake.gap.estimation.problem import Problem, filter_case
 from drift_drake.gap.estimation.reduction import (
     HORIZONS,
@@ -29,7 +30,6 @@ from drift_drake.gap.estimation.reduction import (
 )
 from drift_drake.gap.evidence.limit_rows import LimitRow, limit_rows
 from drift_drake.gap.evidence.posterior import UNKNOWN, hypothesis_name
-from drift_drake.gap.evidence.ranges import REACH
 from drift_drake.view.pages.charts import LOW, NORMAL, Line, Panel, heat_map, placed, reach_of, side_by_side, stacked
 from drift_drake.view.pages.driving import driving
 from drift_drake.view.pages.page import GLOSSARY, Source, page_html

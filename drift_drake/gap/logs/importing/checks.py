@@ -14,9 +14,9 @@ from scipy.ndimage import uniform_filter1d
 
 from drift_drake.common.arrays import Array
 from drift_drake.gap.logs.importing.mapping import RecorderMapping
+from drift_drake.gap.logs.screening.bad_samples import without_stuck
 from drift_drake.gap.logs.screening.consistency import consistency
 from drift_drake.gap.logs.screening.relations import Windows
-from drift_drake.gap.logs.screening.stuck import without_stuck
 from drift_drake.gap.logs.screening.suspicions import Suspicion
 
 FEWEST = 230  # rows
@@ -39,11 +39,6 @@ class Doubts(NamedTuple):
     unchecked: tuple[str, ...]
     undecided: tuple[str, ...] = ()
     suspicions: Mapping[str, Suspicion] = {}
-
-
-def column_doubts(columns: Mapping[str, Array], period: float, wheelbase: float | None = None) -> list[str]:
-    """Sentences on what looks wrong in one run, none where all agrees (`recording_doubts`)."""
-    return recording_doubts([columns], period, wheelbase).sentences
 
 
 def recording_doubts(

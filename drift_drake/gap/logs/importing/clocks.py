@@ -1,4 +1,4 @@
-"""Which column of a topic is its clock, in which unit, and which columns are read at the same ticks."""
+"""Which column of a topic is its clock, in which unit, and which columns are read at the same ticks; doubts of it."""
 
 import dataclasses
 import re
@@ -24,6 +24,8 @@ STANDS = 0.5  # share of steps from which a clock repeats its readings
 FEWEST = 0.9  # share of a column's texts that are numbers, from which it is one of numbers
 APART = 1.05  # ratio of two clocks' steps in the same rows, from which these are no rows of both
 TOGETHER = 0.9  # share of two columns' readings that stand in the same rows, where one clock serves both
+FASTEST, SLOWEST = 5e3, 0.5  # [Hz] of a recorder's rows
+UNITS = {1.0: "s", 1e-3: "ms", 1e-6: "us", 1e-9: "ns"}
 
 
 def own_name(topic: Topic, column: str) -> str:
@@ -173,3 +175,42 @@ def _together(one: NDArray[np.bool_], other: NDArray[np.bool_]) -> bool:
     part = slice(max(a[0], b[0]), min(a[-1], b[-1]) + 1)
     both, either = np.count_nonzero((one & other)[part]), np.count_nonzero((one | other)[part])
     return bool(either > 0 and both >= TOGETHER * either)
+
+
+def clock_doubts(column: str, t: Array, unit: str) -> list[str]:
+    """Sentences on a clock [n] in seconds, if its unit is not what the mapping states.
+
+    Args:
+        column: its name; unit: as stated, where it is one of time.
+    """
+    size = next((size for size, name in UNITS.items() if name == unit), None)
+    steps = np.diff(t)
+    steps = steps[steps > 0.0]
+    if size is None or not len(steps):
+        return []
+    return _another_power(column, float(np.median(steps)), unit, size) or packed_doubts(column, t / size)
+
+
+def _another_power(column: str, step: float, unit: str, size: float) -> list[str]:
+    if 1.0 / FASTEST <= step <= 1.0 / SLOWEST:
+        return []
+    fit = [(other, name) for other, name in UNITS.items() if 1.0 / FASTEST <= step / size * other <= 1.0 / SLOWEST]
+    if not fit:
+        return []
+    # Of two that fit, the rate nearest to 100 Hz.
+    other, name = min(fit, key=lambda entry: abs(np.log(step / size * entry[0] / 0.01)))
+    return [
+        f"the clock '{column}' has a row each {step:.3g} s as {unit}: it looks like {name} "
+        f"({1.0 / (step / size * other):.3g} Hz); give its unit as {name}"
+    ]
+
+
+def packed_doubts(column: str, numbers: Array) -> list[str]:
+    """Sentences on a clock [n] as it stands in the file, if its digits are packed: it jumps from 59 to 100."""
+    unit = packed_unit(numbers)
+    if unit is None:
+        return []
+    return [
+        f"the clock '{column}' jumps by 40 each time that its last two digits pass 59: it looks like hours, minutes "
+        f"and seconds in one number, which breaks a run at each minute; give its unit as {unit}"
+    ]

@@ -59,14 +59,9 @@ def likeness(a: Trace, b: Trace) -> float:
 
 def better(quantity: str, choices: Sequence[Trace], known: Mapping[str, Trace]) -> int:
     """Which of several columns is that quantity by the motion: the first, unless another fits much better."""
-    scores = [_fits(quantity, choice, known) for choice in choices]
+    scores = [max((size for size, _ in agreements_with(quantity, c, known)), default=0.0) for c in choices]
     best = int(np.argmax(scores))
     return best if scores[best] > scores[0] + BETTER and scores[best] > LIKE else 0
-
-
-def _fits(quantity: str, choice: Trace, known: Mapping[str, Trace]) -> float:
-    """The best correlation with what other columns say of it."""
-    return max((size for size, _ in agreements_with(quantity, choice, known)), default=0.0)
 
 
 def agreements_with(quantity: str, choice: Trace, known: Mapping[str, Trace]) -> list[tuple[float, str]]:

@@ -11,7 +11,7 @@ from drift_drake.car.log.driving import spans
 from drift_drake.car.log.table import COLUMNS, SHORTEST_RUN, InvalidLogError, Run
 from drift_drake.common.arrays import Array
 from drift_drake.gap.logs.importing.checks import doubts_of
-from drift_drake.gap.logs.importing.clock_doubts import clock_doubts
+from drift_drake.gap.logs.importing.clocks import clock_doubts
 from drift_drake.gap.logs.importing.formats.files import InvalidRecordingError
 from drift_drake.gap.logs.importing.formula import evaluate
 from drift_drake.gap.logs.importing.mapping import RecorderMapping
@@ -179,7 +179,8 @@ def pieces_of(
               for name, (stretch, columns, reverses) in zip(names, parts, strict=True)]  # fmt: skip
     kept_back = any(piece.reverses for piece in pieces)
     reversed_ = reversing_sentence(np.concatenate(times), spans(np.concatenate(back)), kept_back)
-    return pieces, offsets, [*doubted, *recording.remarks, *wrong, *_slow_columns(recording), *reversed_]
+    said = dict.fromkeys([*doubted, *recording.remarks, *wrong, *_slow_columns(recording), *reversed_])
+    return pieces, offsets, list(said)
 
 
 def _rows(

@@ -9,8 +9,7 @@ from typing import NamedTuple
 
 from drift_drake.common.units import DIMENSIONS, OTHER, Unit, is_stated, meanings, unit_of
 from drift_drake.gap.logs.wording.conversion import dimensions_of
-from drift_drake.gap.logs.wording.vocabulary import WORDS
-from drift_drake.gap.logs.wording.words import LONGEST, pieces, pieces_of_compound
+from drift_drake.gap.logs.wording.vocabulary import LONGEST, WORDS, pieces, pieces_of_compound
 
 
 class Rule(NamedTuple):

@@ -15,8 +15,9 @@ from drift_drake.car.log.plausible import ABSURD, LARGEST
 from drift_drake.common.apart import read_guarded
 from drift_drake.common.arrays import Array
 from drift_drake.common.units import PACKED, unit_of
+from drift_drake.gap.logs.importing.clocks import packed_doubts
 from drift_drake.gap.logs.importing.formats.files import InvalidRecordingError, read_topics
-from drift_drake.gap.logs.importing.formats.times import clock_seconds, packed_unit
+from drift_drake.gap.logs.importing.formats.times import clock_seconds
 from drift_drake.gap.logs.importing.formats.topics import Topic
 from drift_drake.gap.logs.importing.known import POSITION
 from drift_drake.gap.logs.importing.mapping import Clock, RecorderMapping, Signal
@@ -222,10 +223,7 @@ def _ticks(path: Path, clock: Clock, topic: Topic) -> tuple[Array, Rows, list[st
     sentences = left_out(clock.column, bad | jumped, rows, t)
     if clock.unit in PACKED:
         return (regular_times(t) if clock.regular else t), rows, sentences
-    if packed := packed_unit(numbers):
-        sentences.append(
-            f"the clock '{clock.column}' jumps at full minutes: it looks packed, give it 'unit: {packed}'."
-        )
+    sentences += packed_doubts(clock.column, numbers)
     sentences += contradicted(topic, str(name), clock.unit, "its clock's unit")
     return (regular_times(t) if clock.regular else t), rows, sentences
 

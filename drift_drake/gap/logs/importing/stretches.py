@@ -15,7 +15,7 @@ from drift_drake.gap.logs.importing.position import path_motion
 from drift_drake.gap.logs.importing.recording import Readings
 from drift_drake.gap.logs.importing.smoothing import SHORTEST, smooth
 from drift_drake.gap.logs.noise import without_jumps
-from drift_drake.gap.logs.screening.stuck import stuck
+from drift_drake.gap.logs.screening.bad_samples import stuck
 from drift_drake.gap.logs.wording.conversion import PlanarMotion, at_centre_of_gravity, to_body
 
 LARGEST_GAP = 0.2  # [s] without readings that is bridged; a longer one ends the stretch

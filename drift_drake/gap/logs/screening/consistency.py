@@ -13,8 +13,9 @@ import numpy as np
 from drift_drake.car.effects.record import wheelbase
 from drift_drake.car.log.table import COLUMNS, Run
 from drift_drake.car.parameters import VehicleParameters
+from drift_drake.gap.logs.screening.averaging import Columns
 from drift_drake.gap.logs.screening.dead import dead_columns
-from drift_drake.gap.logs.screening.kinematics import Columns, Kinematics, motion_of_columns
+from drift_drake.gap.logs.screening.kinematics import Kinematics, motion_of_columns
 from drift_drake.gap.logs.screening.misnamed import (
     magnitudes,
     no_speed,
@@ -24,10 +25,9 @@ from drift_drake.gap.logs.screening.misnamed import (
     undecided_speeds,
 )
 from drift_drake.gap.logs.screening.redundancy import agreements, arm_doubts, bias_doubts, scale_doubts, undecided_arm
-from drift_drake.gap.logs.screening.relations import KINDS, Kind, Relation, Windows, relations, windows_of_columns
-from drift_drake.gap.logs.screening.steering import held_doubts, ratio_doubts, reach_doubts
+from drift_drake.gap.logs.screening.relations import KINDS, Kind, Relation, Windows, relations, windows_of
+from drift_drake.gap.logs.screening.steering import held_doubts, ratio_doubts, reach_doubts, timing_doubts
 from drift_drake.gap.logs.screening.suspicions import Suspicion, contradictions
-from drift_drake.gap.logs.screening.timing import timing_doubts
 from drift_drake.gap.logs.screening.unit_mistakes import mistakes
 
 ASKED = ("r", "psi", "v", "beta", "omega_r", "ax", "ay", "delta_cmd")  # columns that others could check
@@ -81,7 +81,7 @@ def consistency(
             for name in out & set(columns):
                 columns.pop(str(name))
     if bad & {"v"}:
-        return Consistency(doubts, (), right, _windows(right, periods), complete=False)
+        return Consistency(doubts, (), right, windows_of(right, periods), complete=False)
     kinds, car = _kinds(vehicle, length)
     if bad & {"r", "delta_cmd"}:
         kinds = {name: kind for name, kind in kinds.items() if not set(kind.powers) & bad}
@@ -91,7 +91,7 @@ def consistency(
         held[:] = relations(w, car, kinds)
         return held
 
-    wrong, windows = contradictions(_windows(right, periods), found_in, mistakes(vehicle, stated))
+    wrong, windows = contradictions(windows_of(right, periods), found_in, mistakes(vehicle, stated))
     for doubt in wrong:
         _take_out(right, doubt)
     periods = [_period(period, wrong) for period in periods]
@@ -130,12 +130,6 @@ def _kinds(vehicle: VehicleParameters | None, length: float | None) -> tuple[dic
         kinds["steer"] = dataclasses.replace(KINDS["steer"], tolerance=math.inf)
     half = 0.5 * (length or 1.0)
     return kinds, dataclasses.replace(VehicleParameters(), front_axle_distance=half, rear_axle_distance=half)
-
-
-def _windows(runs: Sequence[Columns], periods: Sequence[float]) -> Windows:
-    parts = [windows_of_columns(columns, period, index)
-             for index, (columns, period) in enumerate(zip(runs, periods, strict=True))]  # fmt: skip
-    return Windows.joined(parts)
 
 
 def _take_out(runs: Sequence[dict[str, np.ndarray]], doubt: Suspicion) -> None:

@@ -4,7 +4,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from drift_drake.gap.logs.screening.kinematics import Columns, Kinematics, motion_of_columns
+from drift_drake.gap.logs.screening.averaging import Columns
+from drift_drake.gap.logs.screening.kinematics import Kinematics, motion_of_columns
 
 CONSTANT = 1e-9  # of a column's size that rounding moves it by
 SEEN = 0.05  # of what is noted in `_movements`: a movement that a sensor does not miss

@@ -4,51 +4,44 @@ Products are taken row by row, before they are averaged, so that turns, drifts a
 """
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
-from drift_drake.car.log.table import COLUMNS, Run
-from drift_drake.gap.logs.screening.averaging import Averaging, PerWindow, averaging
-from drift_drake.gap.logs.screening.relations import MOVING, continuous
+from drift_drake.gap.logs.screening.averaging import (
+    Averages,
+    Averaging,
+    Columns,
+    averages,
+    averaging,
+    column,
+    continuous,
+)
+from drift_drake.gap.logs.screening.relations import MOVING
 
-Columns = Mapping[str, np.ndarray | None]
 BLOCK = 4  # windows, 1.2 s, within which errors may be alike
 
 
 @dataclasses.dataclass(frozen=True)
-class Kinematics(PerWindow):
+class Kinematics(Averages):
     """Windows [windows] in which the car moves; NaN where a column is missing.
 
-    row: of its run, in its middle; r, v, psi, beta, omega_r, ax, ay, delta_cmd: means. turning, swing, gain, spin,
-    rim_gain: rates of `psi`, `beta`, `v`, `r` and `omega_r`; along, across: acceleration in body axes that `v`, `beta`
-    and `r` make; turned, circling, forward, sideways: means of v r, r^2, v cos(beta) and v sin(beta); course: rate of
-    the direction of travel along x, y; heading, yawed: the same of `psi`, and of the angle that `r` turns by, with
-    `beta`; moved: speed along x, y; slid: mean of the direction of travel less `psi`.
+    row: of its run, in its middle; psi, beta: means. spin: rate of `r`; along, across: acceleration in body axes that
+    `v`, `beta` and `r` make; turned, circling, forward: means of v r, r^2 and v cos(beta); course: rate of the
+    direction of travel along x, y; heading, yawed: the same of `psi`, and of the angle that `r` turns by, with `beta`;
+    moved: speed along x, y; slid: mean of the direction of travel less `psi`.
     """
 
-    run: np.ndarray
     block: np.ndarray
     row: np.ndarray
-    r: np.ndarray
-    v: np.ndarray
     psi: np.ndarray
     beta: np.ndarray
-    omega_r: np.ndarray
-    ax: np.ndarray
-    ay: np.ndarray
-    delta_cmd: np.ndarray
-    turning: np.ndarray
-    swing: np.ndarray
-    gain: np.ndarray
     spin: np.ndarray
-    rim_gain: np.ndarray
     along: np.ndarray
     across: np.ndarray
     turned: np.ndarray
     circling: np.ndarray
     forward: np.ndarray
-    sideways: np.ndarray
     course: np.ndarray
     heading: np.ndarray
     yawed: np.ndarray
@@ -61,12 +54,6 @@ class Kinematics(PerWindow):
         inside = np.flatnonzero((self.run[2:] == self.run[:-2]) & (self.block[2:] - self.block[:-2] <= 1)) + 1
         out[inside] = values[inside + 1] - values[inside - 1]
         return out
-
-
-def motion_of(runs: Sequence[Run]) -> Kinematics:
-    """Windows through all runs."""
-    return motion_of_columns([{name: run.column(name) for name in COLUMNS} for run in runs],
-                             [run.period for run in runs])  # fmt: skip
 
 
 def motion_of_columns(runs: Sequence[Columns], periods: Sequence[float], slowest: float = MOVING) -> Kinematics:
@@ -82,8 +69,7 @@ def motion_of_columns(runs: Sequence[Columns], periods: Sequence[float], slowest
 
 
 def _of_run(columns: Columns, period: float, index: int, first_block: int, slowest: float) -> Kinematics:
-    count = len(np.asarray(columns["v"]))
-    over = averaging(count, period)
+    over = averaging(len(np.asarray(columns["v"])), period)
     mean, change = over.mean, over.change
 
     def evened(angle: np.ndarray) -> np.ndarray:
@@ -92,38 +78,23 @@ def _of_run(columns: Columns, period: float, index: int, first_block: int, slowe
 
         return np.asarray(uniform_filter1d(angle, 2 * over.part + 1, mode="nearest"))
 
-    def column(name: str) -> np.ndarray:
-        values = columns.get(name)
-        return np.full(count, np.nan) if values is None else np.asarray(values, dtype=float)
-
-    v, r, beta = column("v"), column("r"), continuous(column("beta"))
+    v, r, beta = column(columns, "v"), column(columns, "r"), continuous(column(columns, "beta"))
     forward, sideways = v * np.cos(beta), v * np.sin(beta)
-    psi = continuous(column("psi"))
+    psi = continuous(column(columns, "psi"))
     slip = np.nan_to_num(beta)
-    course, moved = _path(column("x"), column("y"), over)
+    course, moved = _path(column(columns, "x"), column(columns, "y"), over)
     found = Kinematics(
-        run=np.full(len(over.starts), index),
+        **averages(columns, over, index),
         block=first_block + np.arange(len(over.starts)) // BLOCK,
         row=over.starts + over.width // 2,
-        r=mean(r),
-        v=mean(v),
         psi=mean(psi),
         beta=mean(beta),
-        omega_r=mean(column("omega_r")),
-        ax=mean(column("ax")),
-        ay=mean(column("ay")),
-        delta_cmd=mean(column("delta_cmd")),
-        turning=change(psi),
-        swing=change(beta),
-        gain=change(v),
         spin=change(r),
-        rim_gain=change(column("omega_r")),
         along=change(forward) - mean(r * sideways),
         across=change(sideways) + mean(r * forward),
         turned=mean(v * r),
         circling=mean(r * r),
         forward=mean(forward),
-        sideways=mean(sideways),
         course=change(course),
         heading=change(evened(psi + slip)),
         yawed=change(evened(np.cumsum(r) * period + slip)),

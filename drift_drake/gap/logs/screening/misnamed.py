@@ -4,8 +4,9 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from drift_drake.gap.logs.screening.averaging import Columns
 from drift_drake.gap.logs.screening.gains import Bounds, gain, mean
-from drift_drake.gap.logs.screening.kinematics import Columns, Kinematics
+from drift_drake.gap.logs.screening.kinematics import Kinematics
 from drift_drake.gap.logs.screening.suspicions import Suspicion
 
 FEWEST = 12  # windows

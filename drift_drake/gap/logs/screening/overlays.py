@@ -6,8 +6,9 @@ from typing import NamedTuple
 import numpy as np
 
 from drift_drake.common.arrays import Array
+from drift_drake.gap.logs.screening.averaging import Columns
 from drift_drake.gap.logs.screening.gains import Bounds
-from drift_drake.gap.logs.screening.kinematics import Columns, Kinematics, motion_of_columns
+from drift_drake.gap.logs.screening.kinematics import Kinematics, motion_of_columns
 from drift_drake.gap.logs.screening.redundancy import arm_found
 from drift_drake.gap.logs.screening.steering import ratio_found
 from drift_drake.view.colours import RUNS

@@ -10,12 +10,10 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 
 from drift_drake.car.effects.record import wheelbase
-from drift_drake.car.log.table import Run
 from drift_drake.car.parameters import VehicleParameters
-from drift_drake.gap.logs.screening.averaging import PerWindow, averaging
+from drift_drake.gap.logs.screening.averaging import Averages, Columns, averages, averaging, column
 
 MOVING = 0.15  # of a run's high speeds, below which headings and ratios of speeds mean nothing
-HALF_TURN_DEGREES = 180.0
 # What a column's factor scales; positions and the clock scale rates alone.
 FIELDS = {
     "r": ("r",), "psi": ("turning",), "y": ("course",), "v": ("v", "gain"), "beta": ("beta", "swing"), "ax": ("ax",),
@@ -33,28 +31,15 @@ WITNESS = 3.0  # tolerances within which a relation can be a witness for others
 
 
 @dataclasses.dataclass(frozen=True)
-class Windows(PerWindow):
+class Windows(Averages):
     """Means and changes over windows [windows], in the columns' units, changes per second of the log's clock.
 
-    Columns that a run lacks are NaN. turning: rate of the heading `psi`; course: rate of the direction of travel;
-    moved: speed along the positions; swing: rate of `beta`; gain, rim_gain: rates of `v` and `omega_r`. The others are
-    means.
+    course: rate of the direction of travel; moved: speed along the positions; beta, tau_cmd: means.
     """
 
-    run: np.ndarray  # index of the run
-    r: np.ndarray
-    turning: np.ndarray
     course: np.ndarray
     moved: np.ndarray
-    v: np.ndarray
-    gain: np.ndarray
     beta: np.ndarray
-    swing: np.ndarray
-    omega_r: np.ndarray
-    rim_gain: np.ndarray
-    ax: np.ndarray
-    ay: np.ndarray
-    delta_cmd: np.ndarray
     tau_cmd: np.ndarray
 
     def corrected(self, column: str, factor: float) -> "Windows":
@@ -63,66 +48,31 @@ class Windows(PerWindow):
         return dataclasses.replace(self, **{name: scale * getattr(self, name) for name in fields})
 
 
-def windows_of(runs: Sequence[Run]) -> Windows:
-    """Windows through all runs, each half over the one before, without those in which the car hardly moves.
+def windows_of(runs: Sequence[Columns], periods: Sequence[float]) -> Windows:
+    """Windows through the columns of all runs, each half over the one before, without those in which the car hardly
+    moves; they may lack all but `v`; periods: between rows [s].
 
     What is differentiated is so over a window, a rate is averaged over it: noise and sensors' lags then matter little.
     """
-    columns = ("x", "y", "psi", "r", "v", "beta", "omega_r", "ax", "ay", "delta_cmd", "tau_cmd")
-    parts = [
-        windows_of_columns({name: run.column(name) for name in columns}, run.period, index)
-        for index, run in enumerate(runs)
-    ]
-    return Windows.joined(parts)
+    return Windows.joined([_of_run(columns, period, index)
+                           for index, (columns, period) in enumerate(zip(runs, periods, strict=True))])  # fmt: skip
 
 
-def windows_of_columns(columns: Mapping[str, np.ndarray | None], period: float, index: int = 0) -> Windows:
-    """Windows through columns of the log format [rows], which may lack all but `v`, of the run of that index."""
-    rows = len(np.asarray(columns["v"]))
-    over = averaging(rows, period)
-    starts, width, part, length = over.starts, over.width, over.part, over.length
-
-    def column(name: str) -> np.ndarray:
-        values = columns.get(name)
-        return np.full(rows, np.nan) if values is None else np.asarray(values, dtype=float)
-
-    x, y, v = column("x"), column("y"), column("v")
+def _of_run(columns: Columns, period: float, index: int) -> Windows:
+    over = averaging(len(np.asarray(columns["v"])), period)
+    starts, width, part = over.starts, over.width, over.part
+    x, y, v = (column(columns, name) for name in ("x", "y", "v"))
     ends = [starts, starts + part, starts + width - part, starts + width]
     first_course = np.arctan2(y[ends[1]] - y[ends[0]], x[ends[1]] - x[ends[0]])
     last_course = np.arctan2(y[ends[3]] - y[ends[2]], x[ends[3]] - x[ends[2]])
     turned = np.angle(np.exp(1j * (last_course - first_course)))
     at = starts[:, None] + np.append(np.arange(0, width, part), width)
     path = np.sum(np.hypot(np.diff(x[at]), np.diff(y[at])), axis=1)
-    mean, change = over.mean, over.change
-    speed = mean(v)
     found = Windows(
-        run=np.full(len(starts), index),
-        r=mean(column("r")),
-        turning=change(continuous(column("psi"))),
-        course=turned / (length - part * period),
-        moved=path / length,
-        v=speed,
-        gain=change(v),
-        beta=mean(column("beta")),
-        swing=change(continuous(column("beta"))),
-        omega_r=mean(column("omega_r")),
-        rim_gain=change(column("omega_r")),
-        ax=mean(column("ax")),
-        ay=mean(column("ay")),
-        delta_cmd=mean(column("delta_cmd")),
-        tau_cmd=mean(column("tau_cmd")),
-    )
-    return found.where(speed > MOVING * float(np.quantile(v, 0.9)))
-
-
-def continuous(angle: np.ndarray) -> np.ndarray:
-    """An angle [n] without the jumps of wrapping, by a full turn in radians or in degrees."""
-    reach = float(np.max(np.abs(angle)))
-    if not np.isfinite(reach):
-        return angle
-    # Within a turn of radians the numbers may be either: degrees of a car that hardly turned are continuous anyhow.
-    turn = 2.0 * np.pi if reach <= 2.2 * np.pi or np.max(np.abs(np.diff(angle))) < HALF_TURN_DEGREES else 360.0
-    return np.unwrap(angle, period=turn)
+        **averages(columns, over, index), course=turned / (over.length - part * period), moved=path / over.length,
+        beta=over.mean(column(columns, "beta")), tau_cmd=over.mean(column(columns, "tau_cmd")),
+    )  # fmt: skip
+    return found.where(found.v > MOVING * float(np.quantile(v, 0.9)))
 
 
 @dataclasses.dataclass(frozen=True)

@@ -1,26 +1,24 @@
 """Mistakes of units that are made: a unit read as another one, a wheel's rate for its speed, torque at the axle."""
 
 import dataclasses
-import math
 from collections.abc import Iterator, Mapping
 
 from drift_drake.car.parameters import VehicleParameters
+from drift_drake.common.units import DIMENSIONS
 
-DEGREES = 180.0 / math.pi
-G = 9.80665
 RIM_TURNS = (2.0, 33.0)  # [1/m] of wheels of any vehicle
 STEERING_RATIOS = (8.0, 25.0)  # steering wheel's angle over road wheel's
 DISTINCT = 1.5  # factor from one that a mistake must be off by to be distinguished from physics
 ANGLES = (("r",), ("psi",), ("beta",), ("delta_cmd",), ("r", "psi"), ("r", "psi", "beta", "delta_cmd"))
 SPEEDS = (("v",), ("omega_r",), ("v", "omega_r"))
 ACCELERATIONS = (("ax",), ("ay",), ("ax", "ay"))
-# Of each kind of column: units in SI, SI first, with how rare they are (squared tolerances that one has to explain
-# besides), and what they are called.
-UNITS: tuple[tuple[tuple[tuple[str, ...], ...], dict[str, tuple[float, float, str]]], ...] = (
-    (ANGLES, {"rad": (1.0, 0.0, "radians"), "deg": (1.0 / DEGREES, 0.0, "degrees")}),
-    (SPEEDS, {"m/s": (1.0, 0.0, "m/s"), "km/h": (1.0 / 3.6, 0.0, "km/h"), "mph": (0.44704, 0.5, "mph"),
-              "kn": (1852.0 / 3600.0, 6.0, "knots"), "ft/s": (0.3048, 6.0, "ft/s")}),
-    (ACCELERATIONS, {"m/s^2": (1.0, 0.0, "m/s^2"), "g": (G, 0.0, "g")}),
+# Of each kind of column: its dimension and units, SI first, with how rare they are (squared tolerances that one has to
+# explain besides), and what they are called.
+UNITS: tuple[tuple[tuple[tuple[str, ...], ...], str, dict[str, tuple[float, str]]], ...] = (
+    (ANGLES, "angle", {"rad": (0.0, "radians"), "deg": (0.0, "degrees")}),
+    (SPEEDS, "speed", {"m/s": (0.0, "m/s"), "km/h": (0.0, "km/h"), "mph": (0.5, "mph"), "kn": (6.0, "knots"),
+                       "ft/s": (6.0, "ft/s")}),
+    (ACCELERATIONS, "acceleration", {"m/s^2": (0.0, "m/s^2"), "g": (0.0, "g")}),
 )  # fmt: skip
 TWO_WRONG = 3.0  # in squared tolerances: that a unit was converted from one that it is not either is rarer
 OTHERS = (  # columns, the factor, what they look like, and the remedy
@@ -69,21 +67,22 @@ def mistakes(vehicle: VehicleParameters | None, stated: Mapping[str, str] | None
 
 def _of_units(stated: Mapping[str, str]) -> Iterator[Mistake]:
     """Each unit read as each other one of its kind."""
-    for several, units in UNITS:
-        si = next(iter(units))
-        for read, (read_size, read_rarity, read_name) in units.items():
-            for true, (size, rarity, name) in units.items():
+    for several, dimension, units in UNITS:
+        si, sizes = DIMENSIONS[dimension]
+        for read, (read_rarity, read_name) in units.items():
+            for true, (rarity, name) in units.items():
                 if true == read:
                     continue
                 given = f"give it in {name}" if true == si else f"give its unit as {name} in the mapping"
                 looks = name if read == si else f"{name} converted as if they were {read_name}"
+                off = sizes[read] / sizes[true]
                 rare = rarity + read_rarity + (TWO_WRONG if si not in (true, read) else 0.0)
                 for columns in several:
                     named = {_plain(stated[column]) for column in columns if column in stated} & set(units)
                     if not named:
-                        yield Mistake(columns, read_size / size, read_size / size, looks, given, rare)
+                        yield Mistake(columns, off, off, looks, given, rare)
                     elif named == {read}:
-                        yield Mistake(columns, read_size / size, read_size / size, looks, given, rarity)
+                        yield Mistake(columns, off, off, looks, given, rarity)
 
 
 def _plain(unit: str) -> str:

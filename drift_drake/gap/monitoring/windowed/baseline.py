@@ -19,15 +19,16 @@ from drift_drake.gap.monitoring.events import InvalidBaselineScoresError
 from drift_drake.gap.monitoring.evidence import FALSE_ALARMS, alarm_at, evidence_problem
 from drift_drake.gap.monitoring.history import of_parts
 from drift_drake.gap.monitoring.watch import rows_of
-from drift_drake.gap.monitoring.windowed.familiar import LARGEST, KnownDriving, familiar_of
 from drift_drake.gap.monitoring.windowed.monitor import WindowMonitor
 from drift_drake.gap.monitoring.windowed.null import distance, null_of
 from drift_drake.gap.monitoring.windowed.sums import (
     FEATURES,
+    KnownDriving,
+    Projection,
     WindowSums,
+    familiar_of,
     features,
     no_windows,
-    projection_of,
     sums_of,
 )
 from drift_drake.gap.monitoring.windowed.temperature import LEAST, temperature_of
@@ -35,6 +36,7 @@ from drift_drake.gap.monitoring.windowed.temperature import LEAST, temperature_o
 MOST = 700  # windows of a calibration, of each recording as many, whose scores are looked at
 TYPICAL = 0.75  # quantile of these distances, beyond which a window counts less
 COLUMNS = tuple(PREDICTED)
+LARGEST = 1e6
 
 
 @dataclasses.dataclass(frozen=True)
@@ -111,13 +113,13 @@ def windows_of(monitor: WindowMonitor, run: Run) -> list[WindowedRun]:
 def sums_of_all(monitor: WindowMonitor, windows: Sequence[WindowedRun]) -> list[WindowSums]:
     """The sums of each of a drive's windows."""
     p = monitor.projection
-    return [sums_of(p, one, run_errors(one, p.constants, p.own), monitor.slipping_of(one)) for one in windows]
+    return [sums_of(p, one, run_errors(one, p.constants, p.own)) for one in windows]
 
 
 def distances_of(monitor: WindowMonitor, sums: Sequence[WindowSums]) -> np.ndarray:
     """Squared distances [windows] of a drive's windows from normal, per score, each given those before."""
     p, out = monitor.projection, list[float]()
-    older = no_windows(len(p.names), len(p.nodes))
+    older = no_windows(len(p.normal.names), len(p.nodes))
     for one in sums:
         out.append(distance(monitor.null, older, one))
         older = of_parts(older, one, by=np.add)
@@ -142,9 +144,9 @@ def window_monitor(
     single = vehicle.single_track()
     nodes = [node for name in normal.names for node in effect_nodes(name, single)]
     return WindowMonitor(
-        projection_of(constants, own, normal, nodes), null_of(normal, baseline.cap, baseline.temperature),
+        Projection(constants, own, normal, nodes), null_of(normal, baseline.cap, baseline.temperature),
         baseline.familiar,
         evidence_problem(nodes, np.zeros(len(nodes))), np.array([name in baseline.columns for name in PREDICTED]),
-        baseline.period, normal.stride, normal.slipping, slowest(single), alarm_at(false_alarms),
+        baseline.period, slowest(single), alarm_at(false_alarms),
         3600.0 / false_alarms,
     )  # fmt: skip

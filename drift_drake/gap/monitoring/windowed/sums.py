@@ -1,6 +1,7 @@
 """What one window of predictions says of each effect: its scores, their information, and what each node does to them.
 
-The same as `gap.estimation.scores` of a whole day, for the newest window alone.
+The same as `gap.estimation.scores` of a whole day, for the newest window alone. A window that is driven unlike all
+of the calibration's is not judged.
 """
 
 from collections.abc import Sequence
@@ -10,6 +11,7 @@ import numpy as np
 
 from drift_drake.car.effects.magnitudes import Effects
 from drift_drake.car.equations import CarConstants
+from drift_drake.gap.estimation.baseline import slipping_in
 from drift_drake.gap.estimation.normal import Normal
 from drift_drake.gap.estimation.scores import LARGEST, huber_weights
 from drift_drake.gap.estimation.unknowns import added
@@ -20,6 +22,9 @@ FEATURES = ("speed", "lateral acceleration", "sideslip", "slip of the driven whe
 LOST = 100.0  # robust scales, from which on a prediction is lost
 SLIP = 3
 SLIGHT_SLIP = 0.03  # [-] of slip along the wheels, below which more of it is no other driving
+MOST = 400  # points, evenly chosen
+KNOWN = 0.97  # quantile of the distance of a calibration's own windows from its other recordings'
+APART = 15  # windows of the only recording that are not near each other, either side
 
 
 class WindowSums(NamedTuple):
@@ -37,24 +42,16 @@ class Projection(NamedTuple):
 
     constants: CarConstants
     own: Effects
-    names: tuple[str, ...]  # of the effects
-    units: np.ndarray  # [n]
-    nodes: tuple[Node, ...]
-    scales: np.ndarray  # [HORIZONS, channels]
-    precision: np.ndarray  # of errors in scales
-    nodes_of: tuple[tuple[int, ...], ...]  # indices of each effect's nodes
+    normal: Normal  # its baseline, on whose effects errors are projected
+    nodes: Sequence[Node]
 
     def errors_with(self, window: WindowedRun, name: str, magnitude: float) -> np.ndarray:
         """Errors [1, HORIZONS, channels] once an effect is added to the car."""
         return run_errors(window, self.constants, added(self.own, {name: magnitude}))
 
-
-def projection_of(constants: CarConstants, own: Effects, normal: Normal, nodes: Sequence[Node]) -> Projection:
-    """The projection on the effects of a baseline."""
-    nodes_of = tuple(tuple(i for i, node in enumerate(nodes) if node.name == name) for name in normal.names)
-    return Projection(
-        constants, own, normal.names, normal.units, tuple(nodes), normal.scales, normal.precision, nodes_of
-    )
+    def nodes_of(self) -> list[list[int]]:
+        """Indices of each effect's nodes."""
+        return [[i for i, node in enumerate(self.nodes) if node.name == name] for name in self.normal.names]
 
 
 def no_windows(n: int, nodes: int) -> WindowSums:
@@ -62,26 +59,28 @@ def no_windows(n: int, nodes: int) -> WindowSums:
     return WindowSums(np.zeros(()), np.zeros(()), np.zeros(n), np.zeros((n, n)), np.zeros((n, nodes)))
 
 
-def sums_of(projection: Projection, window: WindowedRun, e: np.ndarray, slipping: float) -> WindowSums:
+def sums_of(projection: Projection, window: WindowedRun, e: np.ndarray) -> WindowSums:
     """The sums of one window with errors e [1, HORIZONS, channels] under the calibrated car.
 
     Errors that are clipped count less, and as much less in what a node does to them: however large an effect is, its
     node's shift is in proportion to it. An effect with one node is linear enough for that to give its derivative.
     """
-    p, precision = projection, projection.precision
+    p, normal = projection, projection.normal
+    precision, scales = normal.precision, normal.scales
 
     def moved(name: str, magnitude: float) -> np.ndarray:
-        return np.clip((p.errors_with(window, name, magnitude) - e) / p.scales, -LOST, LOST).reshape(-1)
+        return np.clip((p.errors_with(window, name, magnitude) - e) / scales, -LOST, LOST).reshape(-1)
 
     there = [moved(node.name, node.magnitude) for node in p.nodes]
     jacobian = np.stack([
         np.clip(unit / p.nodes[at[0]].magnitude * there[at[0]] if len(at) == 1 else moved(name, float(unit)),
                 -LARGEST, LARGEST)
-        for name, unit, at in zip(p.names, p.units, p.nodes_of, strict=True)
+        for name, unit, at in zip(normal.names, normal.units, p.nodes_of(), strict=True)
     ], axis=-1)  # fmt: skip
-    weights = np.broadcast_to(huber_weights(e, p.scales), e.shape).reshape(-1)
+    weights = np.broadcast_to(huber_weights(e, scales), e.shape).reshape(-1)
     projected, half = (jacobian.T @ precision) * weights, np.sqrt(weights)[:, None] * jacobian
-    return WindowSums(np.ones(()), np.asarray(slipping), projected @ (e / p.scales).reshape(-1),
+    slipping = float(slipping_in([window])[0]) - normal.slipping
+    return WindowSums(np.ones(()), np.asarray(slipping), projected @ (e / scales).reshape(-1),
                       half.T @ precision @ half, projected @ np.stack(there, axis=-1))  # fmt: skip
 
 
@@ -91,3 +90,39 @@ def features(window: WindowedRun) -> np.ndarray:
     found[SLIP] = np.log(SLIGHT_SLIP + found[SLIP])
     tau = window.tau[window.starts[0] :]
     return np.concatenate([found, [tau.min(), tau.max()]])
+
+
+class KnownDriving(NamedTuple):
+    """The driving of a calibration's windows, in standard deviations of it."""
+
+    points: np.ndarray  # [k, FEATURES]
+    size: np.ndarray  # [FEATURES]
+    limit: float  # distance beyond which a window is unlike all of them
+
+
+def familiar_of(driving: Sequence[np.ndarray]) -> KnownDriving:
+    """The driving of recordings, each [windows, FEATURES]."""
+    whole = np.concatenate(driving)
+    size = np.maximum(whole.std(axis=0), 1e-9 + 1e-3 * np.abs(whole).max(axis=0))
+    at = np.repeat(np.arange(len(driving)), [len(part) for part in driving])
+    order = np.arange(len(whole))
+    found = []
+    for i in order:
+        other = at != at[i] if len(driving) > 1 else np.abs(order - i) > APART
+        if np.any(other):
+            found.append(np.min(np.linalg.norm((whole[other] - whole[i]) / size, axis=1)))
+    limit = float(np.quantile(found, KNOWN)) if found else 1.0
+    return KnownDriving(whole[:: max(int(np.ceil(len(whole) / MOST)), 1)], size, max(limit, 1e-3))
+
+
+def unlike(familiar: KnownDriving, driving: np.ndarray) -> int | None:
+    """Index of the feature by which a window's driving [FEATURES] is off the nearest point; None where it is known."""
+    off = (familiar.points - driving) / familiar.size
+    distances = np.linalg.norm(off, axis=1)
+    nearest = int(np.argmin(distances))
+    return int(np.argmax(np.abs(off[nearest]))) if distances[nearest] > familiar.limit else None
+
+
+def harder(index: int) -> str:
+    """The feature in words."""
+    return FEATURES[index]

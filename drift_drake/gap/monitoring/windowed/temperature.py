@@ -14,8 +14,7 @@ import numpy as np
 from drift_drake.gap.monitoring.evidence import FALSE_ALARMS, HAZARD, EvidenceProblem
 from drift_drake.gap.monitoring.history import no_history, of_parts, older_than, since, until, with_block
 from drift_drake.gap.monitoring.monitor import FORGETTING
-from drift_drake.gap.monitoring.windowed.judge import judged
-from drift_drake.gap.monitoring.windowed.null import Null, capped, whitened
+from drift_drake.gap.monitoring.windowed.null import Null, capped, judged, whitened
 from drift_drake.gap.monitoring.windowed.sums import WindowSums
 
 LEAST, MOST = 1.2, 100.0

@@ -13,7 +13,7 @@ from drift_drake.car.log.cases import case_name
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.car.vehicle_file import read_vehicle, vehicle_hash, write_vehicle
 from drift_drake.cli.main import BAD_INPUT, main
-from drift_drake.gap.diagnosis import folders
+from drift_drake.gap.diagnosis import diagnose as diagnosing
 from drift_drake.gap.diagnosis.answers.answer import Answer, InvalidAnswerError, read_answer
 from drift_drake.gap.diagnosis.answers.provenance import all_answered, answered, provenance
 
@@ -127,15 +127,15 @@ def test_a_folder_of_answered_cases_is_not_diagnosed_again(
         given.update(options)
         return []
 
-    monkeypatch.setattr(folders, "diagnose_all", diagnosed)
+    monkeypatch.setattr(diagnosing, "diagnose_all", diagnosed)
     answers = files / "answers"
     answers.mkdir()
     arguments = ["diagnose", str(case.parent), "--vehicle", str(files / "car.yaml"), "--json", str(answers), "--quiet"]
     assert main(arguments) == 0
     del given["progress"], given["refused"], given["quiet"]
-    monkeypatch.setattr(folders, "read_case", lambda _: [])
-    monkeypatch.setattr(folders, "diagnose", lambda *_, **__: Found(read_answer(files / "answer.json")))
-    folders.answer_folder(case, VEHICLE, **given).answer.write(answers / "monday.json")
+    monkeypatch.setattr(diagnosing, "read_case", lambda _: [])
+    monkeypatch.setattr(diagnosing.likelihood, "diagnose", lambda *_, **__: Found(read_answer(files / "answer.json")))
+    diagnosing.answer_folder(case, VEHICLE, **given).answer.write(answers / "monday.json")
     assert main(arguments) == 0
     assert main([*arguments, "--again"]) == 0
     assert asked == [[case, tuesday], [tuesday], [case, tuesday]]

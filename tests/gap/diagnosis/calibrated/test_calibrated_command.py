@@ -9,7 +9,7 @@ from drift_drake.car.log.table import write_run
 from drift_drake.car.vehicle_file import read_vehicle, write_vehicle
 from drift_drake.cli.main import BAD_INPUT, main
 from drift_drake.common.run_folder import to_json
-from drift_drake.gap.diagnosis.check import limits as check_limits
+from drift_drake.gap.diagnosis.check import with_vehicle as check_limits
 from drift_drake.gap.estimation.partial import partial_effects
 from drift_drake.gap.identification import identify as identification
 

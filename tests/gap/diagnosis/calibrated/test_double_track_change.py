@@ -155,9 +155,9 @@ def test_a_car_driven_at_both_axles_is_no_double_track_one(other_car: OtherCar) 
     assert not may_have_two_tracks(other_car.runs, driven)
     assert not may_have_two_tracks([run.without("tau_cmd") for run in other_car.runs], other_car.guess)
     with pytest.raises(InvalidVehicleError, match="drives its rear wheels alone, and front_coupling is 1"):
-        identify(other_car.runs, driven, criterion="prediction", kind="double-track")
+        identify(other_car.runs, driven, criterion="prediction", car="double-track")
 
 
 def test_by_likelihood_it_cannot_be_calibrated(other_car: OtherCar) -> None:
     with pytest.raises(InvalidLogError, match="a double-track car is calibrated by prediction"):
-        identify(other_car.runs, VehicleParameters(), criterion="likelihood", kind="double-track")
+        identify(other_car.runs, VehicleParameters(), criterion="likelihood", car="double-track")

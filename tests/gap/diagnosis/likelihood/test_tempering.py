@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from drift_drake.car.parameters import VehicleParameters
-from drift_drake.gap.estimation.fit import fit
 from drift_drake.gap.estimation.freeform import misfit
 from drift_drake.gap.estimation.problem import make_problem
+from tests.gap.fits import fit
 
 NAMES = ("rear_stiffness_error",)
 

@@ -12,8 +12,8 @@ from browser import check_charts, check_looks, needs_browser
 from drift_drake.car.effects.catalogue import CATALOGUE, shown_by
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.gap.diagnosis.reports.change_report import by_horizon, coverage_rows, overlay, report_html, worst_run
+from drift_drake.gap.estimation.prior import REACH
 from drift_drake.gap.evidence.limit_rows import limit_rows
-from drift_drake.gap.evidence.ranges import REACH
 from drift_drake.view.pages.page import Source
 
 

@@ -9,9 +9,8 @@ from drift_drake.car.log.table import InvalidLogError
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.gap.logs.screening.relations import Windows, relations
 from drift_drake.gap.logs.screening.suspicions import suspicions
-from drift_drake.gap.logs.screening.unit_mistakes import DEGREES
 from experiments.benchmarks.compiled_cases import make_case
-from experiments.benchmarks.log_mutations import unit_mistakes, with_factors
+from experiments.benchmarks.log_mutations import DEGREES, unit_mistakes, with_factors
 from experiments.benchmarks.truths import Truth
 
 VEHICLE = VehicleParameters()

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from drift_drake.gap.monitoring.windowed.familiar import familiar_of, harder, unlike
+from drift_drake.gap.monitoring.windowed.sums import familiar_of, harder, unlike
 
 
 def driving(rng: np.random.Generator, speed: float, lateral: float) -> np.ndarray:

@@ -7,7 +7,7 @@ from scipy.stats import norm
 
 from drift_drake.gap.monitoring.evidence import HAZARD, NONE_OF_THE_CATALOGUE, alarm_at, evidence_problem
 from drift_drake.gap.monitoring.history import History, no_history, with_block
-from drift_drake.gap.monitoring.windowed.judge import as_before, log_ratio, verdict_of
+from drift_drake.gap.monitoring.windowed.null import as_before, log_ratio, verdict_of
 from drift_drake.gap.monitoring.windowed.sums import WindowSums, no_windows
 from drift_drake.gap.monitoring.windowed.temperature import EXACT, LEAST, beyond, largest, scores_of, temperature_of
 from tests.gap.monitoring.windowed.simulated import INFORMATION, NODES, SECONDS, N, null_of_white_scores, window

@@ -8,7 +8,7 @@ import re
 from collections import Counter
 
 from drift_drake.common.units import is_stated, meanings
-from drift_drake.gap.logs.wording.words import speaks_of
+from drift_drake.gap.logs.wording.vocabulary import speaks_of
 
 HEAD = 1 << 18  # bytes that are looked at
 MOST_LINES = 600

@@ -6,7 +6,7 @@ import pandas as pd
 from pandas.api.types import is_numeric_dtype
 
 from drift_drake.car.log.numbers import as_numbers
-from drift_drake.gap.logs.wording.words import LONGEST, pieces
+from drift_drake.gap.logs.wording.vocabulary import LONGEST, pieces
 
 ROLES = {
     "signal": (

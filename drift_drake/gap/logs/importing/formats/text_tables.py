@@ -96,3 +96,13 @@ def _has_commas(values: "pd.Series[Any]") -> bool:
         return False
     texts = values.dropna().astype(str)
     return len(texts) > 0 and float(np.mean(texts.str.fullmatch(DECIMAL_COMMA.pattern))) > FEW
+
+
+def read_parquet(path: Path) -> list[Topic]:
+    """The table of a Parquet file; ImportError where pyarrow is not installed."""
+    table = pd.read_parquet(path)
+    if not isinstance(table.index, pd.RangeIndex):  # of times, as a rule
+        if table.index.name is None and table.index.dtype.kind in "Mmf":
+            table.index.name = "time"
+        table = table.reset_index()
+    return [topic_of_table(table, [str(name).strip() for name in table.columns])]

@@ -62,9 +62,13 @@ def with_yaw(table: pd.DataFrame) -> pd.DataFrame:
         prefix = str(column).removesuffix(".w")
         parts = [f"{prefix}.{part}" for part in "xyzw"]
         if prefix != column and set(parts) <= set(table.columns) and all(map(is_numeric_dtype, table[parts].dtypes)):
-            x, y, z, w = (table[part].to_numpy(dtype=float) for part in parts)
-            yaws[f"{prefix}.yaw"] = np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y**2 + z**2))
+            yaws[f"{prefix}.yaw"] = yaw_of(*(table[part].to_numpy(dtype=float) for part in parts))
     return table.assign(**yaws)
+
+
+def yaw_of(x: np.ndarray, y: np.ndarray, z: np.ndarray, w: np.ndarray) -> np.ndarray:
+    """Yaw angles [n] [rad] of quaternions."""
+    return np.asarray(np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y**2 + z**2)))
 
 
 def _flatten(row: dict[str, Any], name: str, value: Any) -> None:

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from drift_drake.gap.logs.importing.formats.topics import Topic
+from drift_drake.gap.logs.importing.formats.topics import Topic, yaw_of
 
 STAMP = "timestamp"
 # Whole numbers of these fields are parts of a degree.
@@ -50,6 +50,6 @@ def _columns(name: str, data: dict[str, np.ndarray]) -> tuple[dict[str, np.ndarr
     q = [data.get(f"q[{i}]") for i in range(4)]  # of the attitude: w, x, y, z
     if all(part is not None for part in q):
         w, x, y, z = (np.asarray(part, dtype=float) for part in q)
-        columns[f"{name}.yaw"] = np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y**2 + z**2))
+        columns[f"{name}.yaw"] = yaw_of(x, y, z, w)
         units[f"{name}.yaw"] = "rad"
     return columns, units, known

@@ -14,6 +14,7 @@ import pandas as pd
 
 from drift_drake.car.log.numbers import as_numbers, without_endless
 from drift_drake.common.arrays import Array
+from drift_drake.gap.logs.importing.formats.times import packed_seconds, unwrapped
 from drift_drake.gap.logs.importing.formats.topics import Topic
 
 COLUMNS = ["sats", "time", "lat", "long", "velocity", "heading", "height"]  # where a file names none
@@ -33,7 +34,6 @@ UNITS = {  # that VBOX units and software give their own channels, where the fil
 WORDS = {"kmh": "km/h", "km/h": "km/h", "kph": "km/h", "mph": "mph", "knots": "kn", "kts": "kn", "m/s": "m/s", "g": "g"}
 KNOWN = {"lat": "latitude", "long": "longitude", "heading": "course", "velocity": "v"}
 SHORT = {"latitude": "lat", "longitude": "long", "lon": "long", "lng": "long", "satellites": "sats"}
-DAY = 86400.0  # [s]
 PACKED = 0.98  # share of times whose last two digits, and the two before, are below sixty
 DEGREES = (90.0, 180.0)  # latitude and longitude at most
 DIGITS = 4  # before the decimal point: minutes of arc are written with leading zeros
@@ -141,13 +141,10 @@ def seconds_of_day(times: "pd.Series[Any]") -> Array:
     else:
         t = without_endless(np.array(as_numbers(times), dtype=float))
         with np.errstate(invalid="ignore"):
-            packed = (t % 100.0 < 60.0) & (t // 100.0 % 100.0 < 60.0) & (t < 240000.0)
-        if np.mean(packed[np.isfinite(t)]) > PACKED:
-            t = np.where(packed, t // 10000.0 * 3600.0 + t // 100.0 % 100.0 * 60.0 + t % 100.0, np.nan)
-    seen = np.flatnonzero(np.isfinite(t))
-    days = np.cumsum(np.diff(t[seen], prepend=t[seen[:1]]) < -0.5 * DAY)
-    t[seen] += DAY * days
-    return np.asarray(t)
+            packed = packed_seconds(t, "hhmmss")
+        if np.mean(np.isfinite(packed[np.isfinite(t)])) > PACKED:
+            t = packed
+    return unwrapped(t)
 
 
 def _in_degrees(table: pd.DataFrame, first: str) -> None:

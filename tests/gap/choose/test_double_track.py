@@ -1,6 +1,7 @@
 """A double-track car from nine seconds of lively driving: what is found, and what is never no car."""
 
 import dataclasses
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 import pytest
@@ -10,8 +11,8 @@ from drift_drake.car.double_track.parameters import CARS, DoubleTrackParameters
 from drift_drake.car.effects.magnitudes import Effects
 from drift_drake.car.log.table import Run
 from drift_drake.car.parameters import VehicleParameters
+from drift_drake.gap.choose.identified import IdentifiedCar, identified_double_track
 from drift_drake.gap.estimation.windows import WindowedRun, errors, forecast_error, windowed
-from drift_drake.gap.identification.double_track import DoubleTrackFit, identify_double_track
 from drift_drake.gap.identification.identify import identify
 from experiments.benchmarks.compiled_cases import NOISE
 from experiments.benchmarks.rows import LOG_STATES, PERIOD, advance, start
@@ -51,8 +52,17 @@ def seen(drives: list[Run]) -> list[WindowedRun]:
 
 
 @pytest.fixture(scope="module")
-def found(seen: list[WindowedRun]) -> DoubleTrackFit:
-    return identify_double_track(seen, VehicleParameters())
+def found(seen: list[WindowedRun]) -> IdentifiedCar:
+    return identified_again(seen)[0]
+
+
+def identified_again(
+    seen: list[WindowedRun], more: Sequence[str] = (), near: Mapping[str, float] | None = None
+) -> tuple[IdentifiedCar, dict[str, float]]:
+    """The car, and the magnitudes of all that was unknown of it."""
+    car = identified_double_track(seen, VehicleParameters(), more, near)
+    assert car is not None
+    return car
 
 
 def test_drives_are_lively(drives: list[Run]) -> None:
@@ -63,28 +73,27 @@ def test_drives_are_lively(drives: list[Run]) -> None:
 
 
 def test_it_predicts_drives_that_it_was_not_fitted_to_as_the_true_car_does(
-    found: DoubleTrackFit,
+    found: IdentifiedCar,
 ) -> None:
     fresh = [windowed(driven(CAR, seed)) for seed in (3, 4)]
-    car, effects, _ = found
+    car, effects = found
     true = forecast_error(errors(fresh, CAR.constants(), TRUE))
     assert forecast_error(errors(fresh, car.constants(), effects)) < 1.3 * true
     guess = nearest_double_track(VehicleParameters())
     assert forecast_error(errors(fresh, guess.constants(), Effects())) > 5.0 * true
 
 
-def test_no_single_track_car_predicts_them_so(
-    drives: list[Run], seen: list[WindowedRun], found: DoubleTrackFit
-) -> None:
-    single = identify(drives, VehicleParameters(), known=(), criterion="likelihood")
+def test_no_single_track_car_predicts_them_so(drives: list[Run], seen: list[WindowedRun], found: IdentifiedCar) -> None:
+    single = identify(drives, VehicleParameters(), known=(), criterion="likelihood", watching=False)
     single_error = forecast_error(errors(seen, single.vehicle.constants(), single.effects))
-    assert forecast_error(errors(seen, found[0].constants(), found[1])) < 0.5 * single_error
+    assert forecast_error(errors(seen, found.vehicle.constants(), found.effects)) < 0.5 * single_error
 
 
-def test_lags_and_the_locking_differential_are_found(found: DoubleTrackFit) -> None:
-    car, effects, _ = found
+def test_lags_and_the_locking_differential_are_found(found: IdentifiedCar) -> None:
+    car, effects = found
     assert effects.steering_lag == pytest.approx(TRUE.steering_lag, abs=0.01)
     assert effects.torque_lag == pytest.approx(TRUE.torque_lag, abs=0.02)
+    assert isinstance(car, DoubleTrackParameters)
     locking = car.differential_preload + car.differential_share * 2000.0
     assert locking == pytest.approx(CAR.differential_preload + CAR.differential_share * 2000.0, rel=0.3)
 
@@ -92,8 +101,8 @@ def test_lags_and_the_locking_differential_are_found(found: DoubleTrackFit) -> N
 @pytest.mark.slow
 def test_sensors_that_are_off_are_found_with_it(drives: list[Run]) -> None:
     off = [windowed(dataclasses.replace(run, r=run.r + 0.02, beta=run.beta - 0.03)) for run in drives]
-    plain, none, near = identify_double_track(off, VehicleParameters())
-    car, effects, _ = identify_double_track(off, VehicleParameters(), ("gyro_bias", "sideslip_bias"), near)
+    (plain, none), near = identified_again(off)
+    (car, effects), _ = identified_again(off, ("gyro_bias", "sideslip_bias"), near)
     assert effects.gyro_bias == pytest.approx(0.02, abs=0.004)
     assert effects.sideslip_bias == pytest.approx(-0.03, abs=0.004)
     errors_of = [forecast_error(errors(off, one.constants(), q)) for one, q in ((car, effects), (plain, none))]

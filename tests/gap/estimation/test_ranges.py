@@ -5,7 +5,7 @@ import pytest
 from scipy.stats import norm
 
 from drift_drake.car.parameters import Tolerance, VehicleParameters
-from drift_drake.gap.evidence.ranges import (
+from drift_drake.gap.estimation.prior import (
     RELATIVE_TO_NONE,
     RELATIVE_TO_RIVAL,
     Range,
@@ -32,9 +32,7 @@ def test_the_range_is_one_and_a_half_times_the_practical_one():
     assert (friction.low, friction.high) == pytest.approx([1.5 * end for end in friction.usual])
     assert drag.low == drag.least > 0.0
     assert drag.high == pytest.approx(1.5 * drag.usual[1])
-    wide = range_of("friction_level", car.replace(tolerance=Tolerance(friction=0.1)))
-    assert wide.least == pytest.approx(0.15)  # one and a half tolerances
-    assert range_of("friction_level", car.replace(tolerance=Tolerance(friction=0.1)), tolerances=False) == friction
+    assert range_of("friction_level", car.replace(tolerance=Tolerance(friction=0.1))) == friction
 
 
 def test_width_is_of_all_that_is_allowed():

@@ -18,15 +18,9 @@ from drift_drake.drive.learnt.features import features, network_inputs
 from drift_drake.drive.learnt.posterior import mahalanobis, predict
 from drift_drake.drive.learnt.quality import learn
 from drift_drake.drive.learnt.samples import Samples, samples_from_log
-from drift_drake.gap.choose.choice import (
-    Familiar,
-    familiar_from,
-    keep_usual,
-    squared_distances,
-    usual_error,
-    usual_surprise,
-)
+from drift_drake.gap.choose.choice import Familiar, usual_error
 from experiments.benchmarks.vehicles import draw_effects
+from experiments.gathering.familiar import familiar_from, keep_usual, squared_distances, usual_surprise
 
 CONFIG = GatheringConfig(steps=12, v_end=11.0, starts=1, max_iterations=30)
 

@@ -95,11 +95,12 @@ def test_bad_names_and_logs_get_one_sentence(strange_car_runs):
         identify(short, VehicleParameters(), criterion="likelihood")
 
 
-def test_the_report_is_one_file(identified, tmp_path):
+def test_the_report_is_one_file(identified, strange_car_runs, tmp_path):
     (tmp_path / "report.html").write_text(report_html(identified), encoding="utf-8")
     text = (tmp_path / "report.html").read_text(encoding="utf-8")
     assert identified.calibration.case in text
-    assert text.count('class="chart"') == 3
+    # Estimates, errors, correlations; accelerations and steering over speed; each run.
+    assert text.count('class="chart"') == 3 + 2 + len(strange_car_runs)
     assert "Every direction is identified" in text
     for outside in ("<script src", 'src="http', "url(http", "@import"):
         assert outside not in text

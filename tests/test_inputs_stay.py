@@ -37,7 +37,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         (["diagnose", "logs/a", *VEHICLE, "--report", CAR], CAR),
         (["identify", "logs/a", *VEHICLE, "--out", "new.yaml", "--json", LOG], LOG),
         (["fleet", "logs", *VEHICLE, "--json", LOG], LOG),
-        (["fleet", "logs", *VEHICLE, "--picture", CAR], CAR),
+        (["fleet", "logs", *VEHICLE, "--page", CAR], CAR),
         (["watch", LOG, *VEHICLE, "--json", LOG], LOG),
         (["replay", LOG, *VEHICLE, "--html", CAR], CAR),
         (["simulate", LOG, *VEHICLE, "--out", LOG], LOG),

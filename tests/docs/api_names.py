@@ -72,9 +72,10 @@ def methods(node: ast.ClassDef) -> list[ast.FunctionDef]:
 
 
 def bases(module: str, node: ast.ClassDef) -> list[ast.ClassDef]:
-    """Classes of the package that a class is derived from directly."""
+    """Classes of the package that a class is derived from, directly or through others."""
     found = [resolved(module, ast.unparse(base)) for base in node.bases]
-    return [one[1] for one in found if one and isinstance(one[1], ast.ClassDef)]
+    direct = [(where, one) for where, one in filter(None, found) if isinstance(one, ast.ClassDef)]
+    return [one for where, base in direct for one in (base, *bases(where, base))]
 
 
 def public() -> dict[str, tuple[str, Definition]]:

@@ -72,7 +72,8 @@ def identify(
     Raises:
         InvalidLogError: no run can be used, they are too gentle, a known parameter comes out far from what is known of
             it, or prediction is asked for without the column beta;
-        InvalidVehicleError: of the vehicle, or a name that is none.
+        InvalidVehicleError: of the vehicle, or a name that is none;
+        SimulatorError: a simulator of the user's fails.
     """
     first, days = vehicle_given(vehicle), days_given(logs, case)
     found = calibrate(days.runs, Asked(

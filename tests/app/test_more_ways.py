@@ -123,6 +123,7 @@ def test_a_recording_is_dragged_onto_a_day_which_may_have_its_own_mapping(workbe
     page.get_by_role("article", name="day day 1").get_by_text("lap 1.mcap").hover()
     page.mouse.up()
     page.wait_for_function(f"""document.querySelector('[aria-label="{DAY}lap 2.mcap"]')?.value === "day 1" """)
+    page.wait_for_timeout(1000)  # a field that is drawn anew as somebody types loses what was typed
     page.get_by_label(f"{DAY}lap 2.mcap").fill("day 2")
     page.keyboard.press("Enter")
     page.get_by_role("heading", name="day 2", exact=True).wait_for()

@@ -4,7 +4,13 @@ import datetime
 from collections.abc import Callable, Sequence
 
 import numpy as np
+import yaml
 from importing_bench import rows
+
+from drift_drake.gap.logs.importing.look import look, mapping_text
+from drift_drake.gap.logs.importing.mapping import mapping_from_dict
+from drift_drake.gap.logs.importing.recording import read_recording
+from drift_drake.gap.logs.wording.conversion import factor
 
 STARTED = datetime.datetime(2024, 5, 1, 23, 59, 52, tzinfo=datetime.UTC)  # eight seconds before midnight
 COUNT = 1200  # rows: twelve seconds
@@ -77,3 +83,40 @@ def _is_number(text: str) -> bool:
 
 def texts(values: np.ndarray) -> list[str]:
     return [f"{value:.7f}" for value in values]
+
+
+SIGNALS = ("r", "v", "ay", "delta_cmd")
+NAMES = {
+    "english": ("time", "yaw rate", "speed", "lateral acceleration", "road wheel angle"),
+    "short": ("t", "YawRate", "VehSpd", "AccY", "SteerAng"),
+    "german": ("Zeit", "Gierrate", "Geschwindigkeit", "Querbeschleunigung", "Lenkwinkel"),
+    "french": ("Temps", "Vitesse de lacet", "Vitesse véhicule", "Accélération latérale", "Angle de braquage"),
+}
+
+
+def columns(names, units, clock="s", unit_in_name=True):
+    exact = drive()
+    time, *others = names
+    found = {time: [CLOCKS[clock](t) for t in exact["t"]]}
+    for name, key, unit in zip(others, SIGNALS, units, strict=True):
+        found[f"{name} [{unit}]" if unit_in_name else name] = texts(exact[key] / factor(unit))
+    return found
+
+
+def assert_the_drive(path, allowed=2e-4):
+    """A look's mapping, as it is printed, reads the drive."""
+    found = look(path)
+    recording = read_recording(path, mapping_from_dict(yaml.safe_load(mapping_text(found))))
+    assert not found.missing
+    exact = drive()
+    for readings in recording.clocks.values():
+        t = readings.t - readings.t[0]
+        if len(t) == COUNT:
+            np.testing.assert_allclose(t, exact["t"], atol=1e-5)
+        for key, values in readings.signals.items():
+            there = np.isfinite(values)
+            np.testing.assert_allclose(
+                values[there], np.interp(t, exact["t"], exact[key])[there], atol=allowed, err_msg=key
+            )
+    assert set(SIGNALS) <= {key for readings in recording.clocks.values() for key in readings.signals}
+    return recording

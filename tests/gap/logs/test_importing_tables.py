@@ -8,7 +8,7 @@ import lzma
 import numpy as np
 import pytest
 import yaml
-from table_dialects import CLOCKS, COUNT, drive, table, texts
+from table_dialects import CLOCKS, NAMES, SIGNALS, assert_the_drive, columns, drive, table, texts
 
 pytest.importorskip("hypothesis", reason="property tests need the extra `test`")
 from hypothesis import HealthCheck, given, settings
@@ -20,49 +20,13 @@ from drift_drake.gap.logs.importing.importer import import_recordings
 from drift_drake.gap.logs.importing.look import look, mapping_text
 from drift_drake.gap.logs.importing.mapping import InvalidMappingError, mapping_from_dict
 from drift_drake.gap.logs.importing.recording import read_recording
-from drift_drake.gap.logs.wording.conversion import factor
 
-SIGNALS = ("r", "v", "ay", "delta_cmd")
 UNITS = {
     "r": ("rad/s", "deg/s", "°/s", "DEG/S", "deg s-1", "mrad/s", "Grad/s"),
     "v": ("m/s", "km/h", "KM/H", "kmph", "KPH", "MPH", "miles/h", "knots", "kts", "ft/s", "cm/s", "m.s-1"),
     "ay": ("m/s^2", "m/s²", "g", "G", "Gal", "ft/s2", "m/s/s"),
     "delta_cmd": ("rad", "deg", "°", "Degrees", "mrad"),
 }
-NAMES = {
-    "english": ("time", "yaw rate", "speed", "lateral acceleration", "road wheel angle"),
-    "short": ("t", "YawRate", "VehSpd", "AccY", "SteerAng"),
-    "german": ("Zeit", "Gierrate", "Geschwindigkeit", "Querbeschleunigung", "Lenkwinkel"),
-    "french": ("Temps", "Vitesse de lacet", "Vitesse véhicule", "Accélération latérale", "Angle de braquage"),
-}
-
-
-def columns(names, units, clock="s", unit_in_name=True):
-    exact = drive()
-    time, *others = names
-    found = {time: [CLOCKS[clock](t) for t in exact["t"]]}
-    for name, key, unit in zip(others, SIGNALS, units, strict=True):
-        found[f"{name} [{unit}]" if unit_in_name else name] = texts(exact[key] / factor(unit))
-    return found
-
-
-def assert_the_drive(path, allowed=2e-4):
-    """A look's mapping, as it is printed, reads the drive."""
-    found = look(path)
-    recording = read_recording(path, mapping_from_dict(yaml.safe_load(mapping_text(found))))
-    assert not found.missing
-    exact = drive()
-    for readings in recording.clocks.values():
-        t = readings.t - readings.t[0]
-        if len(t) == COUNT:
-            np.testing.assert_allclose(t, exact["t"], atol=1e-5)
-        for key, values in readings.signals.items():
-            there = np.isfinite(values)
-            np.testing.assert_allclose(
-                values[there], np.interp(t, exact["t"], exact[key])[there], atol=allowed, err_msg=key
-            )
-    assert set(SIGNALS) <= {key for readings in recording.clocks.values() for key in readings.signals}
-    return recording
 
 
 @settings(max_examples=40, deadline=None, suppress_health_check=list(HealthCheck))
@@ -87,14 +51,6 @@ def test_a_drive_comes_back(
     path = tmp_path_factory.mktemp("drive") / "drive.csv"
     path.write_bytes((above + text).replace("\n", ending).encode(encoding))
     assert_the_drive(path)
-
-
-@pytest.mark.parametrize("clock", sorted(CLOCKS))
-def test_clocks_of_every_kind(tmp_path, clock):
-    units = ("deg/s", "km/h", "g", "deg")
-    (tmp_path / "drive.csv").write_text(table(columns(NAMES["english"], units, clock)))
-    recording = assert_the_drive(tmp_path / "drive.csv")
-    assert not recording.remarks
 
 
 LOGGERS = {  # what race loggers write above their rows
@@ -159,94 +115,6 @@ def test_a_table_without_a_header_numbers_its_columns(tmp_path):
     assert len(topic.table) == 60
 
 
-def blanks(offsets, blank=""):
-    """Each signal in rows of its own, some milliseconds after the first."""
-    exact = drive()
-    written = []
-    for number, key in enumerate(SIGNALS):
-        t = exact["t"][:: number + 1] + offsets[number]
-        values = np.interp(t, exact["t"], exact[key])
-        written += [(at, number, value) for at, value in zip(t, values, strict=True)]
-    lines = ["time,yaw_rate [rad/s],speed [m/s],acc_y [m/s2],steering_angle [rad]"]
-    for t, number, value in sorted(written):
-        cells = [blank] * len(SIGNALS)
-        cells[number] = f"{value:.7f}"
-        lines.append(f"{t:.4f},{','.join(cells)}")
-    return "\n".join(lines) + "\n"
-
-
-@pytest.mark.parametrize("blank", ["", "-", "SNA"])
-def test_signals_in_rows_of_their_own_have_a_clock_each(tmp_path, blank):
-    (tmp_path / "drive.csv").write_text(blanks((0.0, 0.003, 0.006, 0.008), blank))
-    found = look(tmp_path / "drive.csv")
-    assert len(found.mapping["clocks"]) == 4
-    assert any("rows of their own" in note for note in found.notes)
-    (run,), report = import_recordings([tmp_path / "drive.csv"], mapping_from_dict(found.mapping))
-    exact = drive()
-    for key in SIGNALS:
-        np.testing.assert_allclose(run.column(key), np.interp(run.t, exact["t"], exact[key]), atol=3e-2, err_msg=key)
-    assert all(clock.offset == clock.arrival == 0.0 for clock in report.clocks["drive"].values())
-    one = {"clocks": {"all": {"column": "time"}}}
-    one["signals"] = {
-        key: {k: v for k, v in line.items() if k != "clock"} for key, line in found.mapping["signals"].items()
-    }
-    with pytest.raises(InvalidRecordingError, match=r"drive.csv: .* are read in rows of their own; give each a clock"):
-        read_recording(tmp_path / "drive.csv", mapping_from_dict(one))
-
-
-def test_each_signal_with_times_of_its_own(tmp_path):
-    exact = drive()
-    names = ("yaw_rate", "speed", "acc_y", "steering_angle")
-    cells = {}
-    for number, (name, key) in enumerate(zip(names, SIGNALS, strict=True)):
-        cells |= {f"{name}_time": texts(exact["t"] + 0.001 * number), name: texts(exact[key])}
-    (tmp_path / "drive.csv").write_text(table(cells))
-    assert len(look(tmp_path / "drive.csv").mapping["clocks"]) == 4
-    assert_the_drive(tmp_path / "drive.csv")
-
-
-def test_clocks_side_by_side_that_run_apart(tmp_path):
-    """Each block of columns has a clock and rows of its own; a lap's time next to the clock is no such clock."""
-    exact = drive()
-    cells = {}
-    for number, key in enumerate(SIGNALS, 1):
-        part = [*texts(exact["t"][::number]), *[""] * (COUNT - len(exact["t"][::number]))]
-        values = [*texts(exact[key][::number]), *[""] * (COUNT - len(exact["t"][::number]))]
-        cells |= {f"Time_{number}": part, NAMES["english"][number]: values}
-    (tmp_path / "drive.csv").write_text(table(cells))
-    found = look(tmp_path / "drive.csv").mapping
-    assert len(found["clocks"]) == 4
-    assert_the_drive(tmp_path / "drive.csv")
-    (run,), _ = import_recordings([tmp_path / "drive.csv"], mapping_from_dict(found))
-    for key in SIGNALS:
-        np.testing.assert_allclose(run.column(key), np.interp(run.t, exact["t"], exact[key]), atol=3e-2, err_msg=key)
-    timed = {"time": texts(exact["t"]), "yaw rate": texts(exact["r"]), "lap time": texts(exact["t"] % 7.0)}
-    timed |= {"speed": texts(exact["v"]), "road wheel angle": texts(exact["delta_cmd"])}
-    (tmp_path / "laps.csv").write_text(table(timed))
-    assert list(look(tmp_path / "laps.csv").mapping["clocks"].values()) == [{"column": "time"}]
-
-
-def test_seconds_and_nanoseconds_in_two_columns_are_one_clock(tmp_path):
-    exact = drive()
-    cells = columns(NAMES["english"], ("deg/s", "km/h", "g", "deg"))
-    cells.pop("time")
-    stamps = {"stamp.secs": [f"{1714557600 + int(t)}" for t in exact["t"]]}
-    stamps["stamp.nsecs"] = [f"{round(t % 1.0 * 1e9)}" for t in exact["t"]]
-    (tmp_path / "drive.csv").write_text(table(stamps | cells))
-    assert_the_drive(tmp_path / "drive.csv")
-
-
-def test_a_clock_of_whole_seconds_is_too_coarse(tmp_path):
-    cells = columns(NAMES["english"], ("deg/s", "km/h", "g", "deg"))
-    cells["time"] = [str(int(t)) for t in drive()["t"]]
-    (tmp_path / "drive.csv").write_text(table(cells))
-    content = mapping_from_dict(look(tmp_path / "drive.csv").mapping)
-    with pytest.raises(
-        InvalidRecordingError, match=r"the clock 'time' ticks each 1 s, and a log needs readings each 0\.2 s"
-    ):
-        import_recordings([tmp_path / "drive.csv"], content)
-
-
 @pytest.mark.parametrize("names", [
     "timestamp,arbitration_id,extended,remote,error,dlc,data", "Time Stamp,ID,Extended,Dir,Bus,LEN,D1,D2",
 ])  # fmt: skip
@@ -297,22 +165,6 @@ def test_a_mapping_that_contradicts_the_file_is_doubted(tmp_path):
     assert remarks == [
         "the file states 'km/h' for column 'speed [km/h]', and signals.v.unit is 'mph': see which is right."
     ]
-
-
-def test_a_packed_clock_taken_for_seconds_is_doubted(tmp_path):
-    units = ("deg/s", "km/h", "g", "deg")
-    (tmp_path / "drive.csv").write_text(table(columns(NAMES["english"], units, "packed")))
-    content = look(tmp_path / "drive.csv").mapping
-    assert content["clocks"]["recorder"] == {"column": "time", "unit": "hhmmss"}
-
-
-@pytest.mark.parametrize(("name", "turn"), [("seconds of day", 86400.0), ("iTOW", 604800.0)])
-def test_seconds_of_the_day_or_week_go_on_as_it_ends(tmp_path, name, turn):
-    exact = drive()
-    cells = columns(NAMES["english"], ("deg/s", "km/h", "g", "deg"))
-    cells = {name: texts((turn - 8.0 + exact["t"]) % turn)} | {k: q for k, q in cells.items() if k != "time"}
-    (tmp_path / "drive.csv").write_text(table(cells))
-    assert_the_drive(tmp_path / "drive.csv")
 
 
 HEADERS = {

@@ -2,6 +2,7 @@
 
 import dataclasses
 from collections.abc import Iterable
+from typing import NamedTuple
 
 import numpy as np
 
@@ -16,6 +17,18 @@ SPUN = 1.1  # [rad] of sideslip beyond which the car has spun, or reverses
 BACKWARDS = 0.6  # [rad] from straight backwards within which the car may be reversing
 TIGHTEST = 1.5  # times the yaw rate of the tightest turn that the steering allows: more is a spin
 SUSTAINED = 0.3  # [s] of reversing; a spin is faster through
+
+
+class UsedStretch(NamedTuple):
+    """A part of a run [s], and why it is not used; empty where it is."""
+
+    start: float
+    stop: float
+    why: str
+
+    def in_words(self) -> str:
+        """When, and whether it is used."""
+        return f"{self.start:.1f} to {self.stop:.1f} s {f'left out: {self.why}' if self.why else 'used'}"
 
 
 def slowest(vehicle: VehicleParameters) -> float:

@@ -9,14 +9,22 @@ import numpy as np
 
 from drift_drake.car.effects.catalogue import CATALOGUE
 from drift_drake.car.foreign.simulator_car import SimulatorCar
-from drift_drake.car.log.driving import backing, driven, in_spans, reversing, slowest_asked, spans, turned_back
+from drift_drake.car.log.driving import (
+    UsedStretch,
+    backing,
+    driven,
+    in_spans,
+    reversing,
+    slowest_asked,
+    spans,
+    turned_back,
+)
 from drift_drake.car.log.table import OPTIONAL, SHORTEST_RUN, InvalidLogError, Run
 from drift_drake.car.parameters import CarParameters, VehicleParameters
 from drift_drake.gap.estimation.windows import SETTLING, stride_of
 from drift_drake.gap.logs.screening.repeated import without_repeated
 from drift_drake.gap.logs.screening.screened import Screened, screened
 from drift_drake.gap.logs.screening.suspicions import Suspicion, suspicions_of
-from drift_drake.view.pages.driving import UsedStretch
 
 GOLDEN = (np.sqrt(5.0) - 1.0) / 2.0
 AHEAD = 6.5  # strides that a part needs for one window

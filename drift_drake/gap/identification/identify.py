@@ -35,9 +35,8 @@ from drift_drake.gap.identification.stated import Asked, held_still, kept_at_fir
 from drift_drake.gap.monitoring.baselines import learn_baseline
 
 WHITE = 0.1  # tempering exponent of that fit, from which they are
-FURTHER = fitted(
-    "further"
-)  # that a car may have in addition to those asked for, taken in where held-out prediction asks
+# That a car may have in addition to those asked for, taken in where held-out prediction asks.
+FURTHER = fitted("further")
 
 
 def identify(

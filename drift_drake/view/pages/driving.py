@@ -7,22 +7,11 @@ import numpy as np
 from markupsafe import Markup
 from scipy.ndimage import uniform_filter1d
 
+from drift_drake.car.log.driving import UsedStretch
 from drift_drake.car.log.table import Run
 from drift_drake.view.pages.charts import Array, Figure, cloud, placed
 
 EVENED = 0.3  # [s] of the speed, where its rate stands for an acceleration
-
-
-class UsedStretch(NamedTuple):
-    """A part of a run [s], and why it is not used; empty where it is."""
-
-    start: float
-    stop: float
-    why: str
-
-    def in_words(self) -> str:
-        """When, and whether it is used."""
-        return f"{self.start:.1f} to {self.stop:.1f} s {f'left out: {self.why}' if self.why else 'used'}"
 
 
 class Driven(NamedTuple):

@@ -6,13 +6,14 @@ from pathlib import Path
 import numpy as np
 from markupsafe import Markup
 
+from drift_drake.car.log.driving import UsedStretch
 from drift_drake.car.log.table import UNITS, Run
 from drift_drake.gap.logs.importing.import_logs import Imported
 from drift_drake.gap.logs.importing.importer import PERIOD, RunReport
 from drift_drake.gap.logs.screening.overlays import overlays, panels_of
 from drift_drake.view.colours import RUNS
 from drift_drake.view.pages.charts import LOW, Line, Panel, placed, stacked
-from drift_drake.view.pages.driving import Driven, UsedStretch, accelerations, driven, steering
+from drift_drake.view.pages.driving import Driven, accelerations, driven, steering
 from drift_drake.view.pages.page import Source, page_html
 
 TEMPLATE = Path(__file__).parent / "import_report.html"

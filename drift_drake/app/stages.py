@@ -74,23 +74,23 @@ class Stage:
 
     def after(self, well: bool, held: Mapping[Path, bytes]) -> None:
         """Files as they were before where the command did not end well; else all that it left of the folder."""
-        if not well and not self.replaces:
+        aside, folder = self._aside(), self.project.folder / self.replaces
+        if not well:  # whatever a command that was ended in the middle, or in its last moment, has written
+            if self.replaces:
+                shutil.rmtree(folder, ignore_errors=True)
+                if aside.is_dir():
+                    aside.rename(folder)
+                return
             for path in (self.project.folder / path for path in self.outputs):
                 if path in held:
                     path.write_bytes(held[path])
-                elif path.is_file():  # which a command ended in its last moment had written
-                    path.unlink()
-        aside, folder = self._aside(), self.project.folder / self.replaces
-        if not self.replaces or not aside.is_dir():
-            return
-        if not well:
-            shutil.rmtree(folder, ignore_errors=True)
-            aside.rename(folder)
-            return
-        for path in aside.iterdir():
-            if not path.name.startswith(("run_", IMPORT_REPORT)):
-                path.rename(folder / path.name)
-        shutil.rmtree(aside)
+                else:
+                    path.unlink(missing_ok=True)
+        elif self.replaces and aside.is_dir():
+            for path in aside.iterdir():
+                if not path.name.startswith(("run_", IMPORT_REPORT)):
+                    path.rename(folder / path.name)
+            shutil.rmtree(aside)
 
     def _aside(self) -> Path:
         path = self.project.folder / self.replaces
@@ -193,7 +193,7 @@ def export(project: Project, day: str) -> Stage:
     """A day's runs for Foxglove."""
     out = f"foxglove/{day}"
     words = ["export", f"logs/{day}", "--format", "mcap", "--out", out]
-    return Stage(project, f"export {day}", "the export", words, _logs(project, day), [out])
+    return Stage(project, f"export {day}", "the export", words, _logs(project, day), [out], replaces=out)
 
 
 def plan_next(project: Project, day: str, data: dict[str, Any]) -> Stage:

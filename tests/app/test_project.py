@@ -159,3 +159,29 @@ def test_names_of_files_that_are_sent(asked):
         file_name(asked)
     assert file_name("../../etc/lap 1.mat") == "lap 1.mat"
     assert file_name(r"C:\logs\lap.mat") == "lap.mat"
+
+
+def test_a_command_that_did_not_end_well_leaves_files_as_they_were(project):
+    data = {"recordings": {"first.csv": "monday"}, "days": {}, "options": {}, "steps": {}}
+    folder = project.folder
+    imported, exported = stages.import_day(project, "monday", data), stages.export(project, "old")
+    checked = stages.check_day(project, "old", data)
+    (folder / "foxglove" / "old").mkdir(parents=True)
+    (folder / "foxglove" / "old" / "mine.txt").write_text("kept")
+    for stage, part in ((imported, "logs/monday/run_0.csv"), (exported, "foxglove/old/run_0.mcap")):
+        held = stage.before()
+        (folder / part).parent.mkdir(parents=True, exist_ok=True)
+        (folder / part).write_text("half")
+        stage.after(False, held)
+        assert not (folder / part).exists()
+    assert not (folder / "logs" / "monday").exists()
+    assert (folder / "foxglove" / "old" / "mine.txt").read_text() == "kept"
+    (folder / "check").mkdir()
+    for before in (None, "earlier"):
+        if before is not None:
+            (folder / checked.outputs[0]).write_text(before)
+        held = checked.before()
+        (folder / checked.outputs[0]).write_text("half")
+        checked.after(False, held)
+        assert (folder / checked.outputs[0]).exists() == (before is not None)
+    assert (folder / checked.outputs[0]).read_text() == "earlier"

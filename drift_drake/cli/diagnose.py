@@ -80,8 +80,8 @@ class Diagnose:
     every: int = 1
     """Take every n-th row of the logs: 2 reads a log of 100 Hz at 50 Hz."""
     most_seconds: float = MOST_SECONDS
-    """Seconds of logs that are used at most: of longer logs evenly spread pieces, with a warning. Each second takes 1 MB
-    of memory and half a second of time. A --calibration by prediction has a limit of its own."""
+    """Seconds of logs that are used at most: of longer logs evenly spread pieces, with a warning. Each second takes
+    1 MB of memory and half a second of time. A --calibration by prediction has a limit of its own."""
     workers: int = 2
     """Threads for one case; processes for a folder of cases."""
     scheduler: str | None = None

@@ -21,8 +21,8 @@ class DriveOptions:
     """What is driven with which model, and what a run leaves behind."""
 
     vehicle: Path | None = None
-    """Vehicle file (YAML), single-track or double-track; its `effects:` act too. If not given, the default coupe or, with
-    the double-track plant, the single-track car nearest to it."""
+    """Vehicle file (YAML), single-track or double-track; its `effects:` act too. If not given, the default coupe or,
+    with the double-track plant, the single-track car nearest to it."""
     plant: Literal["single_track", "double_track"] = "single_track"
     """The true car: the vehicle file's, or a coupe on four tyres with a single-track vehicle file's effects."""
     model: Literal["nominal", "known", "prior", "online", "offset_free"] = "nominal"

@@ -12,7 +12,7 @@ from mkdocs.structure.pages import Page
 HERE = Path(__file__).parent
 NOTEBOOKS = HERE.parents[1] / "examples" / "notebooks"
 FOLDER = "results_by_date"  # on the site
-LESS = {"boost": 0.1}  # of a page's rank in the search
+LESS = {"boost": 0.01}  # of a page's rank in the search
 
 
 def on_files(files: Files, config: Any) -> Files:

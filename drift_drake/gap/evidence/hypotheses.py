@@ -29,6 +29,7 @@ BUILD = 0.5  # `daily` below which an effect is of the car's build
 FOLLOWING = ("mass_error", "cg_shift")  # effects that move axle loads
 LOADED = frozenset(("front_stiffness_error", "rear_stiffness_error"))  # what a real tyre does then
 SHARES = (0.0, 0.5, 1.0)  # of stiffness in proportion to the load that are tried
+CLOSEST = 3  # effects that leave the least errors of all, which are candidates whatever their scores
 EXTENSIONS = 2  # of the reach of a leading hypothesis
 
 
@@ -128,9 +129,16 @@ class Search:
 
     def scores(self, effects: Mapping[str, float], kept: np.ndarray | None = None) -> np.ndarray:
         """Scores less their normal mean [m] once effects are added, of the blocks that are kept [blocks] (bool)."""
-        e = self.day.errors_with(effects) if effects else self.day.errors
+        return self._scores(self.day.errors_with(effects) if effects else self.day.errors, kept)
+
+    def _scores(self, e: np.ndarray, kept: np.ndarray | None = None) -> np.ndarray:
         part = 1.0 if kept is None else float(np.mean(kept))
         return summed(self.day, self.normal, e, kept) - part * self.scatter.mean
+
+    def tried(self, effects: Mapping[str, float]) -> tuple[np.ndarray, float]:
+        """Scores less their normal mean [m] once effects are added, and the mean capped square of the errors."""
+        e = self.day.errors_with(effects)
+        return self._scores(e), float(np.mean(self.normal.squares(e)))
 
     def nats(self, scores: np.ndarray) -> np.ndarray:
         """Half the squared distance from normal of scores [..., m]."""
@@ -166,6 +174,14 @@ class Search:
         for h in sorted(found, key=lambda h: -h.log_evidence):
             best.setdefault(h.names[0], h)
         return sorted(best.values(), key=lambda h: -h.log_evidence)
+
+    def closest(self) -> list[Hypothesis]:
+        """The single effects that leave the least errors, less than none, whatever their scores; after `singles`."""
+        without = float(np.mean(self.normal.squares(self.day.errors)))
+        curves = [curve for curve in self.curves if curve.least_misfit(self) < without]
+        curves = sorted(curves, key=lambda curve: -curve.least_misfit(self))
+        best = {curve.name: curve for curve in curves}  # the last of each name
+        return [curve.start(self) for curve in list(best.values())[-CLOSEST:]]
 
     def _curve(self, name: str, follows: float, at_zero: np.ndarray) -> "Curve":
         curve = Curve(name, follows, [], [])
@@ -274,14 +290,16 @@ class Curve:
     follows: float
     magnitudes: list[float]  # ascending
     scores: list[np.ndarray]
+    misfits: Mapping[float, float] = dataclasses.field(default_factory=dict)  # mean squared errors by magnitude
 
     def with_point(self, search: Search, magnitude: float) -> "Curve":
         """The curve with one more magnitude predicted."""
         if any(abs(magnitude - q) < 1e-12 for q in self.magnitudes):
             return self
-        s = search.scores(effects_of((self.name,), np.array([magnitude]), self.follows, search.day))
+        s, misfit = search.tried(effects_of((self.name,), np.array([magnitude]), self.follows, search.day))
         order = sorted(zip([*self.magnitudes, magnitude], [*self.scores, s], strict=True), key=lambda pair: pair[0])
-        return Curve(self.name, self.follows, [q for q, _ in order], [s for _, s in order])
+        misfits = {**self.misfits, magnitude: misfit}
+        return Curve(self.name, self.follows, [q for q, _ in order], [s for _, s in order], misfits)
 
     def fine(self) -> tuple[np.ndarray, np.ndarray]:
         """Interpolated magnitudes [k] and scores [k, m]."""
@@ -307,10 +325,29 @@ class Curve:
                 break
         return curve
 
-    def hypothesis(self, search: Search) -> Hypothesis:
-        """The single effect at its most likely magnitude; its variance from the slope of the scores there."""
+    def least_misfit(self, search: Search) -> float:
+        """The least mean squared error of the magnitudes that were tried and are a gap."""
+        return min((x for q, x in self.misfits.items() if search.ranges[self.name].allows(np.array(q))), default=np.inf)
+
+    def start(self, search: Search) -> Hypothesis:
+        """The hypothesis where the least errors are left: its most likely magnitude, if that is next to there.
+
+        Scores are nearly linear around the calibrated car alone. Where an effect makes errors that are clipped, they
+        may look normal far from the true magnitude, and not at it.
+        """
+        q = min(self.misfits, key=self.misfits.__getitem__)
+        i = self.magnitudes.index(q)
+        low, high = self.magnitudes[max(i - 1, 0)], self.magnitudes[min(i + 1, len(self.magnitudes) - 1)]
+        best = self.best(search)[0]
+        return self.hypothesis(search, None if low <= best <= high else clipped(q, search.ranges[self.name]))
+
+    def hypothesis(self, search: Search, magnitude: float | None = None) -> Hypothesis:
+        """The single effect at its most likely magnitude, or at another; its variance from the scores' slope there."""
         q, nats = self.best(search)
         at = np.array(self.magnitudes)
+        if magnitude is not None:
+            there = np.array([np.interp(magnitude, at, s) for s in np.transpose(self.scores)])
+            q, nats = magnitude, float(search.nats(there))
         i = int(np.clip(np.searchsorted(at, q), 1, len(at) - 1))
         # Over a stretch of the curve: neighbours that refinement put close together say little of the slope.
         low, high = max(i - 2, 0), min(i + 1, len(at) - 1)

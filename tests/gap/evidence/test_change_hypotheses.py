@@ -92,6 +92,9 @@ class Linear:
     def scores(self, effects):
         return self.slope * (effects.get("mass_error", 0.0) - self.truth)
 
+    def tried(self, effects):
+        return self.scores(effects), effects.get("mass_error", 0.0) ** 2
+
     def nats(self, scores):
         return 0.5 * np.sum(np.square(scores), axis=-1)
 

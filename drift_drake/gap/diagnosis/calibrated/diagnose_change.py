@@ -94,14 +94,14 @@ def diagnose_change(
     search = search_of(runs, vehicle, normal, own, names, case, workers)
     with counted(tell, vehicle.constants()) as shown:
         none, others = hypotheses_of(search, shown)
-    tell("how far it shrinks", 0.8)
+    tell("reduction of the gap", 0.8)
     noise = changed(normal.noise, search.day.runs)
     found, shrinks = ranked_hypotheses(search, none, others, constants, false_alarms, noise.log_evidence)
     if found.verdict == UNKNOWN and not doubts and gross(search, none) > GROSS:
-        far = "a gap far beyond normal"
+        far = "errors far beyond the baseline's"
         found, shrinks = judged_by_errors(search, constants, lambda share: tell(far, 0.8 + 0.1 * share))
         warnings.append(FAR_BEYOND)
-    tell("what these logs can show", 0.9)
+    tell("detection limits", 0.9)
     limits = detection_limits(search, search.curves)
     h = found.leading
     named = found.verdict == "effect"
@@ -169,7 +169,9 @@ def hypotheses_of(search: Search, tell: Progress) -> tuple[Hypothesis, list[Hypo
     unshown = not_excluded(search, singles)
     least = min(h.nats for h in (none, *singles))
     near = least + max(NEAR, NEAR_SHARE * (none.nats - least))
-    leading = judged(search, [h for h in singles if tells_from_zero(h) and h.nats <= near][:SINGLES])
+    closest = search.closest() if none.nats > 0.5 * WORTH_A_PAIR * none.scores else []
+    found = judged(search, candidates([h for h in singles if h.nats <= near], closest))
+    leading = list({h.names: h for h in reversed(found)}.values())[::-1]  # each effect from its best start
     tell("single effects", 0.5)
     if min(h.nats for h in (none, *leading)) <= 0.5 * WORTH_A_PAIR * none.scores:
         return none, [*leading, *unshown]
@@ -178,6 +180,13 @@ def hypotheses_of(search: Search, tell: Progress) -> tuple[Hypothesis, list[Hypo
     pairs = search.pairs(singles, lambda share: tell("pairs of effects", 0.5 + 0.2 * share))
     pairs = judged(search, [as_change(h) for h in pairs if tells_from_zero(h)][:PAIRS])
     return none, [*leading, *(h for h in pairs if tells_from_zero(h)), *unshown]
+
+
+def candidates(likely: Sequence[Hypothesis], closest: Sequence[Hypothesis]) -> list[Hypothesis]:
+    """Singles to judge at the changed car: likely ones and those that leave the least errors, if they are not zero."""
+    out = [h for h in likely if tells_from_zero(h)][:SINGLES]
+    more = [h for h in closest if not any(h.names == o.names and h.magnitudes == o.magnitudes for o in out)]
+    return [*out, *(h for h in more if tells_from_zero(h))]
 
 
 def details_of(

@@ -11,13 +11,16 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 from scipy.optimize import minimize
+from scipy.special import expit
 
 from drift_drake.car.effects.catalogue import LIMITS
+from drift_drake.gap.diagnosis.calibrated.changed_car import judged
 from drift_drake.gap.diagnosis.calibrated.posterior import tells_from_zero
 from drift_drake.gap.estimation.prior import at_end, at_shares, clipped, farther, tried_first
 from drift_drake.gap.estimation.reduction import FOLDS, NOTHING_REMOVED, Reduction, reduction_of
 from drift_drake.gap.estimation.scores import Day
 from drift_drake.gap.estimation.windows import thinned
+from drift_drake.gap.evidence.constants import ELSE
 from drift_drake.gap.evidence.hypotheses import (
     EXTENSIONS,
     Hypothesis,
@@ -25,7 +28,7 @@ from drift_drake.gap.evidence.hypotheses import (
     concluded,
     effects_of,
 )
-from drift_drake.gap.evidence.posterior import PosteriorConstants, hypothesis_name
+from drift_drake.gap.evidence.posterior import UNKNOWN, PosteriorConstants, hypothesis_name
 from drift_drake.gap.evidence.ranking import DayRanked, concluded_from, prior
 
 FAR = 100.0  # mean square of a window, in scales, at which it counts half of what a diverged one does (Geman-McClure)
@@ -103,6 +106,7 @@ def judged_by_errors(
 
     The share that the leading one leaves on held-out blocks is the probability of `unknown`. Where the best are at the
     ends of their ranges, those are widened; `search.ranges` of the leading causes are those that were looked at.
+    Whether something else is there too is asked of the scores at the car with the leading one in it, as of any gap.
     """
     whole, search = search, search.on(fewer_windows(search.day, MOST_WINDOWS))
     singles, starts = grown_singles(search, lambda share: progress(0.5 * share))
@@ -120,7 +124,22 @@ def judged_by_errors(
     whole.ranges |= {name: search.ranges[name] for name in leading.names}
     progress(0.8)
     shrinks = held_out_reduction(search, leading)
-    return concluded_from(values, known, float(np.clip(1.0 - shrinks.estimate, 0.0, 1.0))), shrinks
+    found = concluded_from(values, known, float(np.clip(1.0 - shrinks.estimate, 0.0, 1.0)))
+    return with_something_else(whole, found, constants.temperature), shrinks
+
+
+def with_something_else(search: Search, found: DayRanked, temperature: float) -> DayRanked:
+    """The same with the probability that something else is there too, where that is more probable than not."""
+    if found.verdict == UNKNOWN or not found.leading.names:
+        return found
+    at = judged(search, [found.leading])
+    rest = at[0].left_over if at else None
+    if rest is None:
+        return found
+    more = float(expit(np.log(ELSE) + rest.gain / temperature))
+    if more <= 0.5:
+        return found
+    return dataclasses.replace(found, leading=dataclasses.replace(found.leading, left_over=rest), something_else=more)
 
 
 def widened_at_ends(search: Search, hypotheses: Sequence[Hypothesis]) -> set[str]:

@@ -9,6 +9,8 @@ from drift_drake.gap.diagnosis.calibrated import gross_gap
 from drift_drake.gap.diagnosis.calibrated.gross_gap import FAR, fewer_windows, judged_by_errors, mean_misfit, misfits
 from drift_drake.gap.diagnosis.calibrated.posterior import interval
 from drift_drake.gap.evidence.constants import PRIORS
+from drift_drake.gap.evidence.hypotheses import Hypothesis
+from drift_drake.gap.evidence.ranking import DayRanked
 
 
 @pytest.fixture(scope="module")
@@ -33,6 +35,20 @@ def test_a_gap_that_no_effect_removes_is_unknown(strange_day):
     ranked, reduction = judged_by_errors(strange_day.search, PRIORS, lambda _: None)
     assert ranked.verdict == "unknown"
     assert reduction.estimate < 0.5
+
+
+def test_a_cause_that_leaves_scores_far_from_normal_comes_with_something_else(late_day):
+    search = late_day.search
+    wrong = Hypothesis(("mass_error",), np.array([0.1]), np.array([[1e-6]]), 0.0, 0.0)
+    right = dataclasses.replace(wrong, names=("steering_delay",), magnitudes=np.array([0.08]))
+    ranked = DayRanked({}, [], "effect", wrong)
+    found = gross_gap.with_something_else(search, ranked, PRIORS.temperature)
+    assert found.something_else > 0.9
+    assert found.leading.left_over is not None
+    found = gross_gap.with_something_else(search, dataclasses.replace(ranked, leading=right), PRIORS.temperature)
+    assert found.something_else == 0.0
+    unknown = dataclasses.replace(ranked, verdict="unknown")
+    assert gross_gap.with_something_else(search, unknown, PRIORS.temperature) is unknown
 
 
 def test_no_error_counts_more_than_a_diverged_one(late_day):

@@ -34,7 +34,7 @@ from experiments.gathering.recipe import lane_for_pictures
 
 TEMPLATE = Path(__file__).parent / "demo.html"
 RESOLUTION, FINE = 140, 240  # [dots per inch], of narrow pictures
-NARROW = 3.3  # [in] of pictures whose letters are then readable on a phone
+NARROW = 2.8  # [in] of pictures whose letters are then 11 px high or more on a phone, 390 px wide
 RESTART = 1.0  # [s] between restarts of the replayed log's cars
 NAMES = LABELS | {"online": "online"}
 BELIEVES = {

@@ -41,7 +41,7 @@ class Check:
     logs: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="LOGS")]
     """Folder of runs (run_0.csv, run_1.csv, ...) of one car, or one run's file."""
     vehicle: Path | None = None
-    """What the simulator believes of the car (YAML)."""
+    """Vehicle file or simulator file of the simulator (YAML)."""
     calibration: Path | None = None
     """What `drift-drake identify --json` wrote of this car."""
     for_calibration: bool = False

@@ -1,4 +1,4 @@
-"""`drift-drake choose`: which model may drive a car at its limits, asked of its logs."""
+"""`drift-drake choose`: which model may drive a car at its limits, decided from its logs."""
 
 import dataclasses
 from pathlib import Path

@@ -52,7 +52,7 @@ class Diagnose:
     case: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="CASE")]
     """Folder of runs, or of cases; or one run's file."""
     vehicle: Path
-    """What the simulator believes of the car (YAML)."""
+    """Vehicle file or simulator file of the simulator (YAML)."""
     json: Path | None = None
     """Where to write the answer as JSON (-: standard output); for a folder of cases, a folder that gets NAME.json each
     and a table of all, results.parquet or results.csv (-: a list of all)."""
@@ -63,31 +63,31 @@ class Diagnose:
     noise_scale: float = 1.0
     """Factor on the sensors' noise: above one where it is not white, as `drift-drake identify` found it."""
     tempering: float = 1.0
-    """What one row is worth, in (0, 1]: below one for a real car, as `drift-drake identify` found it. Model
-    mismatch that the calibrated car had on the day of calibration is then no gap; only what goes beyond it is."""
+    """Likelihood tempering exponent, in (0, 1]: below one for a real car, as `drift-drake identify` found it. A model
+    discrepancy as large as on the day of calibration is then no gap."""
     calibration: Path | None = None
-    """In place of the three: what `drift-drake identify --json` wrote of this car. The forces of its
-    persistent model mismatch are taken out too, so that a row is worth more."""
+    """Calibration of this car, as `drift-drake identify --json` wrote it, in place of the three options above. Forces
+    of the model discrepancy are subtracted too."""
     false_alarms: float | None = None
-    """Rate of false alarms, relative to a --calibration by prediction: how often a day on which nothing has changed may
-    be said to have a gap; 0.05 if it is not given."""
+    """False-alarm rate, with a --calibration by prediction: the share of days without a change that may be reported as
+    a gap; 0.05 if it is not given."""
     effects: tuple[str, ...] = tuple(CATALOGUE)
     """Effects to consider."""
     exclude: tuple[str, ...] = ()
-    """Effects to leave out of them."""
+    """Effects not to consider."""
     without: tuple[str, ...] = ()
     """Columns of the logs to leave out."""
     every: int = 1
-    """Rows of the logs that make one here: 2 reads a log of 100 Hz at 50 Hz."""
+    """Take every n-th row of the logs: 2 reads a log of 100 Hz at 50 Hz."""
     most_seconds: float = MOST_SECONDS
-    """Seconds of logs that are looked at; of longer ones pieces spread evenly over them, and a warning says so. Memory
-    and time grow by 1 MB and half a second for each. A --calibration by prediction has a limit of its own."""
+    """Seconds of logs that are used at most: of longer logs evenly spread pieces, with a warning. Each second takes
+    1 MB of memory and half a second of time. A --calibration by prediction has a limit of its own."""
     workers: int = 2
     """Threads for one case; processes for a folder of cases."""
     scheduler: str | None = None
     """Address of a Dask scheduler (tcp://HOST:8786) whose workers answer a folder of cases and see the same logs."""
     again: bool = False
-    """Diagnose anew the cases of a folder that --json holds answers to, found from the same logs and files."""
+    """Diagnose all cases of a folder again, also those whose answers, from the same logs and files, --json holds."""
     exit_code: bool = False
     """End with exit code 3 where there is a gap (a named effect, or unknown), with 0 where there is none."""
     quiet: bool = False

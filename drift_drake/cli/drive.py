@@ -21,34 +21,34 @@ class DriveOptions:
     """What is driven with which model, and what a run leaves behind."""
 
     vehicle: Path | None = None
-    """The car (YAML), of one track or two (`double_track:`); `effects:` in it act too. Without, the default coupe or,
-    on the double-track plant, the single-track car nearest to it."""
+    """Vehicle file (YAML), single-track or double-track; its `effects:` act too. If not given, the default coupe or,
+    with the double-track plant, the single-track car nearest to it."""
     plant: Literal["single_track", "double_track"] = "single_track"
     """The true car: the vehicle file's, or a coupe on four tyres with a single-track vehicle file's effects."""
     model: Literal["nominal", "known", "prior", "online", "offset_free"] = "nominal"
-    """What the controller believes: the vehicle file without its effects, or with them, as far as it can plan with them
-    (known); or the shipped learnt model (about the default coupe) as it is, adapting as it drives (the actuators' lags,
-    too), or adapting with what its belief leaves over as an offset."""
+    """The controller's model: the vehicle file without its effects (nominal), or with those that it can plan with
+    (known); or the shipped learnt model, of cars like the default coupe, without adaptation (prior), adapting while it
+    drives, the actuators' lags too (online), or adapting with an estimated offset (offset_free)."""
     radius: float | None = None
-    """[m] of the circles; without, 18 m for a car of the default coupe's size, in proportion to the wheelbase (as are
-    the other lengths; speeds follow, with its root)."""
+    """Radius of the circles [m]; if not given, 18 m for the default coupe. Other cars' lengths are in proportion to the
+    wheelbase, and speeds to its root."""
     transition: float | None = None
-    """[m] from one drift to the next; 20 m for the default coupe."""
+    """Length of the transition between drifts [m]; if not given, 20 m for the default coupe."""
     sideslip: float = 0.6
-    """[rad] of the drifts."""
+    """Sideslip of the drifts [rad]."""
     half_width: float | None = None
-    """[m] of the lane to either side; 3 m for the default coupe."""
+    """Half width of the lane [m]; if not given, 3 m for the default coupe."""
     seed: int = 0
-    """Of the sensors' noise."""
+    """Seed of the sensors' noise."""
     fault: tuple[str, ...] = ()
     """What goes wrong and when: KIND:START:DURATION[:SIZE[:CHANNEL]] in seconds, such as dropout:2.0:0.5. Kinds:
     dropout, nan, freeze, spike, bias, delay, jitter, hold, drift (of the measured state), solver_failure, lost_plans,
     late_plans, clock_drift, saturated, steering_stuck, torque_stuck, torque_lost (the actuators), friction_patch."""
     monitor: MonitorPolicy = "off"
-    """Watch for changes of the car against its simulator (events.jsonl in the folder), and what follows: nothing
-    (watch); the named cause is taken into the nominal model, or off the readings (correct); the lane is driven slowly
-    until the simulator is believed again (slow), or until that (correct_or_slow); or a model that adapts forgets the
-    car that it learnt (forget)."""
+    """Report changes of the car relative to its simulator (events.jsonl in the folder), and react. watch: no reaction;
+    correct: the named cause is added to the nominal model, or subtracted from the readings; slow: the lane is driven in
+    grip until the change is over; correct_or_slow: slow while the cause cannot be corrected; forget: the adapting model
+    forgets what it learnt before the change."""
     out: Path | None = None
     """New folder for the results; runs/closed_loop-DATE-TIME without."""
     graph: bool = False

@@ -28,7 +28,7 @@ class Export:
 
     Of logs (a run's file, or a folder of runs): parquet (columns with units), mcap (JSON messages that Foxglove shows).
     Of a vehicle file: commonroad (parameters of its single-track models), mujoco (a model with four wheels). Effects
-    that only change parameters are put in; what a format cannot hold is said.
+    that only change parameters are included; what a format cannot hold is listed.
     """
 
     source: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="LOGS|VEHICLE")]

@@ -4,7 +4,7 @@ import dataclasses
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
@@ -30,10 +30,10 @@ class Fleet:
     other in the order of their names.
     """
 
-    folder: tyro.conf.Positional[Path]
-    """Folder of cars."""
+    folder: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="LOGS")]
+    """Folder with a folder of each car."""
     vehicle: Path
-    """What the simulator believes of every car (YAML)."""
+    """Vehicle file of the simulator, for all cars (YAML)."""
     calibration: Path | None = None
     """What 'identify --json' wrote with the vehicle file, so that its baseline residuals are no effect."""
     json: Path | None = None

@@ -29,8 +29,8 @@ class Identify:
     drift-drake identify logs/monday logs/tuesday --vehicle start.yaml --out car.yaml --json car.json --report car.html
 
     Calibrate a simulator before its gap is diagnosed (`drift-drake diagnose`). LOGS are folders of runs
-    (run_0.csv, run_1.csv, ...) of one car, one for each day. Tolerances that the vehicle file states are believed,
-    times two; parameters without one get broad priors.
+    (run_0.csv, run_1.csv, ...) of one car, one for each day. A parameter's prior is as wide as two tolerances that the
+    vehicle file states for it; parameters without one get broad priors.
     """
 
     logs: Annotated[tyro.conf.Positional[tuple[Path, ...]], tyro.conf.arg(metavar="LOGS")]
@@ -44,18 +44,18 @@ class Identify:
     report: Path | None = None
     """Where to write an HTML report."""
     known: tuple[str, ...] = KNOWN
-    """Parameters whose tolerance in the vehicle file is believed; the others get broad priors."""
+    """Parameters whose tolerance in the vehicle file is trusted; with the likelihood, the others get broad priors."""
     effects: tuple[str, ...] = EFFECTS
     """Effects that may belong to the car, in addition to those in the vehicle file."""
     criterion: Criterion = "auto"
-    """What a car is judged by: the filter's likelihood, exact where innovations are white, or prediction errors half a
-    second ahead; auto lets the logs choose, and says so."""
+    """Criterion of the fit: the filter's likelihood, exact where innovations are white, or prediction errors half a
+    second ahead; auto chooses by the logs, and says which."""
     car: CarKind = "auto"
-    """Kind of car, where it is judged by prediction: auto tries both kinds, takes a double-track car where that
-    predicts held-out parts better, and says so."""
+    """Kind of car, with the criterion prediction: auto fits both kinds, takes the double-track car where it predicts
+    held-out parts better, and says which."""
     force: bool = False
-    """Calibrate and write the files also on logs that are too gentle, where a known parameter comes out far from what
-    is known of it, or where held-out parts are predicted worse than by the first guess."""
+    """Calibrate and write the files even if the logs are too gentle, a known parameter's estimate is far from its
+    prior, or held-out parts are predicted worse than by the first guess."""
     quiet: bool = False
     """No progress bar."""
 

@@ -41,7 +41,7 @@ class Import:
 
     Writes OUT/run_0.csv, OUT/run_1.csv, ... (a case for `drift-drake diagnose`) and OUT/import.json: which run is which
     stretch of which recording, the clocks' offsets, the noise, and the remarks. Of positions (latitude, longitude)
-    without a yaw rate or a steering command it writes the paths, OUT/path_0.csv, ..., and says what they tell.
+    without a yaw rate or a steering command it writes the paths, OUT/path_0.csv, ..., and says what they show.
     """
 
     recordings: Annotated[tyro.conf.Positional[tuple[Path, ...]], tyro.conf.arg(metavar="RECORDINGS")]

@@ -36,14 +36,14 @@ COMMANDS = {
     "identify": Command("drift_drake.cli.identify", "a vehicle file calibrated on logs"),
     "plan-next": Command("drift_drake.cli.plan_next", "the drive that distinguishes rival hypotheses best"),
     "apply": Command("drift_drake.cli.apply", "the vehicle file corrected by an answer"),
-    "choose": Command("drift_drake.cli.choose", "which model may drive a car at its limits, asked of its logs"),
+    "choose": Command("drift_drake.cli.choose", "which model may drive a car at its limits, from its logs"),
     "drive": Command("drift_drake.cli.drive", "a drift under model predictive control", "ClosedLoopDrive"),
     "simulate": Command("drift_drake.cli.simulate", "a simulated car's log of a manoeuvre, or of a log's commands"),
     "replay": Command("drift_drake.cli.replay", "a log compared with the simulators' response to its commands"),
-    "watch": Command("drift_drake.cli.watch", "a drive watched row by row: what has changed, and since when"),
-    "fleet": Command("drift_drake.cli.fleet", "many cars and days: what all, one car, one day deviates by"),
+    "watch": Command("drift_drake.cli.watch", "a drive monitored row by row: which change, and since when"),
+    "fleet": Command("drift_drake.cli.fleet", "many cars and days: the gap of all, of one car, of one day"),
     "simulator": Command(
-        "drift_drake.cli.simulator", "a simulator of yours, tried before it is calibrated", "CheckSimulator"
+        "drift_drake.cli.simulator", "your own simulator, checked before its calibration", "CheckSimulator"
     ),
     "effects": Command("drift_drake.cli.effects", "the effects that can be named, and what shows them", "ListEffects"),
     "export": Command("drift_drake.cli.export", "logs for Foxglove, vehicle files for CommonRoad and MuJoCo"),

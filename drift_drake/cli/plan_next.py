@@ -32,9 +32,9 @@ class PlanNext:
     v_start: float = 7.5
     """Speed at the start [m/s]."""
     v_end: float = 20.0
-    """Speed that the drive is led towards [m/s]."""
+    """Speed at the end, which the plan approaches [m/s]."""
     half_width: float = 3.0
-    """Of the lane [m]."""
+    """Half width of the lane [m]."""
     json: Path | None = None
     """Where to write the evidence that the drive is expected to bring, as JSON (-: standard output)."""
 

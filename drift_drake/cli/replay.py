@@ -24,7 +24,7 @@ class Replay:
     log: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="LOG")]
     """One run in the log format (CSV, .csv.gz or Parquet)."""
     vehicle: Path
-    """What the simulator believes of the car (YAML)."""
+    """Vehicle file or simulator file of the simulator (YAML)."""
     corrected: Path | None = None
     """The corrected vehicle, as `drift-drake apply` writes it."""
     restart: float = 1.0

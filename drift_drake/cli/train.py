@@ -21,7 +21,9 @@ class Train:
 
     config: tyro.conf.OmitArgPrefixes[TrainingConfig] = dataclasses.field(default_factory=TrainingConfig)
     recipe: Recipe = "transfer"
-    """The paper's objective over windows, its plain recipe, or a network that never adapts, in place of tasks."""
+    """What is minimised: errors in drifts after a context of other samples (transfer), the paper's objective over
+    windows of mixed lengths (windows), all of the paper's recipe (paper), or errors of a network that never adapts
+    (fixed)."""
     json: Path | None = None
     """Where to write the checkpoint's name and its training's record as JSON (-: standard output)."""
 

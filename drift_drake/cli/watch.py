@@ -29,7 +29,7 @@ class Watch:
     log: tyro.conf.Positional[Path]
     """One run in the log format (CSV, .csv.gz or Parquet), with torque commands."""
     vehicle: Path
-    """What the simulator believes of the car (YAML)."""
+    """Vehicle file of the simulator (YAML)."""
     calibration: Path | None = None
     """What 'identify --json' wrote of this car, so that its baseline residuals are no change."""
     json: Path | None = None

@@ -27,7 +27,7 @@ def as_in_paper(
     qp: QpMethod = "osqp",
     objective: Literal["eq8", "updated"] = "eq8",
 ) -> GatheringConfig:
-    """Information gathering as in the paper: eq. (8) in every round with one weight, Euler's path, nothing bounded.
+    """Information gathering as in the paper: eq. (9) in every round with one weight, Euler's path, nothing bounded.
 
     Nothing else than convergence says then whether a plan is of a car's motion: one that has not converged is none.
 
@@ -49,9 +49,9 @@ class Recipe:
     """Of the learnt model; without, the shipped one, or the paper's."""
     as_in_paper: bool = False
     """The paper's model (27,012 parameters, z alone, T = 10, four separate beliefs, 35 vehicles) and its information
-    gathering: eq. (8) with one weight, Euler's path, no added bounds; its controller, without what `keep` lists."""
+    gathering: eq. (9) with one weight, Euler's path, no added bounds; its controller, without what `keep` lists."""
     paper_objective: Literal["eq8", "updated"] = "eq8"
-    """"updated": the total information along the horizon in place of eq. (8)'s sum."""
+    """"updated": the total information along the horizon in place of eq. (9)'s sum."""
     keep: tuple[Extra, ...] = ()
     """Of what the paper has not, what the recipe keeps all the same."""
     paper_alpha: float = PAPER_ALPHA

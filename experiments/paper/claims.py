@@ -178,7 +178,7 @@ CLAIMS: Sequence[Claim] = (
     Claim("V-A", "the second drive reaches larger yaw rates than the first", "drives", "larger",
           _norm("Twice-Info", "Once-Info", "max_r")),
     Claim("V-A", "and applies larger torques", "drives", "larger", _norm("Twice-Info", "Once-Info", "max_tau")),
-    Claim("IV", "the total information along the horizon plans much the same second drive as eq. (8)", "drives",
+    Claim("IV", "the total information along the horizon plans much the same second drive as eq. (9)", "drives",
           "no substantial difference", _alike),
     Claim("V-A, predictions", "one step's predictions at r 0.9, v 14.5, beta -0.45, omega_r 21, tau 200 come nearer to "
           "the car", "drives", "figure", _norm("prior", "Twice-Info", "error")),

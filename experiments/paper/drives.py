@@ -1,7 +1,7 @@
 """The informative drives of each vehicle: norms of the covariances, how bold they are, what they teach of one step.
 
 Two rounds and a straight drive each, under the recipe and as shipped; for a few vehicles with other weights of the
-information, with the total information along the horizon in place of eq. (8)'s sum, and with a lane that is narrowed by
+information, with the total information along the horizon in place of eq. (9)'s sum, and with a lane that is narrowed by
 what is not known of the car.
 """
 
@@ -199,7 +199,7 @@ def _write(files: dict[tuple[str, int], Path], job: Job, rows: Sequence[dict[str
 
 
 def first_compared(plans: dict[str, tuple[Trajectory, Trajectory]]) -> dict[str, Any]:
-    """Of the first plans: how bold each is, and how far that of the total information is from eq. (8)'s."""
+    """Of the first plans: how bold each is, and how far that of the total information is from eq. (9)'s."""
     found: dict[str, Any] = {
         name: {
             "yaw_rate": float(np.abs(info.x[:, 0]).max()),

@@ -130,7 +130,7 @@ def bolder(folder: Path) -> str:
     like = plans.get("total information", {}).get("unlike")
     if like is not None:
         text += (
-            "\n\nThe first plan of the total information along the horizon differs from eq. (8)'s by "
+            "\n\nThe first plan of the total information along the horizon differs from eq. (9)'s by "
             f"{like:.2f} of what sets that apart from the straight drive."
         )
     return text

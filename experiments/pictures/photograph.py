@@ -13,7 +13,7 @@ from PIL import Image
 from drift_drake.common.errors import DriftDrakeError, shown
 
 BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
-WIDTH, TALLEST = 430, 3200  # [px] of a phone's page
+WIDTH, TALLEST = 390, 3200  # [px] of a phone's page
 FINE = 2  # pixels of the picture for one of the page, across and down
 MARGIN = 24  # pixels of the picture below its last line
 PATIENCE = 120.0  # [s]
@@ -36,7 +36,7 @@ class UnseenPageError(DriftDrakeError):
 
 
 def photograph(page: Path, out: Path, parts: Sequence[str] = (), script: str = "", height: int = TALLEST) -> None:
-    """Writes a PNG of a page, 860 px wide, without the empty space at its end.
+    """Writes a PNG of a page, 780 px wide, without the empty space at its end.
 
     Args:
         parts: CSS selectors of what is shown, the first match of each; all without.

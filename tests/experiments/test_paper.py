@@ -161,7 +161,7 @@ def test_drives_are_judged_and_gone_on_with(
     assert {path: path.stat().st_mtime_ns for path in done} == done
     found = {kind: claims.evidence(tmp_path, kind) for kind in KINDS}
     assert "| Twice-Info | 0.49 |" in tables.norms(found)
-    assert "differs from eq. (8)'s by" in tables.bolder(tmp_path)
+    assert "differs from eq. (9)'s by" in tables.bolder(tmp_path)
 
 
 def test_the_page_is_written_of_what_there_is(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

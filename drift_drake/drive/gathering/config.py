@@ -25,7 +25,7 @@ SLIP_SOFTENING = 5.0  # [m/s], likewise
 # course [rad], and the rear rim's slip over the ground [m/s].
 ENDS = (({0: 1.0}, 0.2), ({2: 1.0}, 0.05), ({5: 1.0}, 0.1), ({3: 1.0, 1: -1.0}, 2.0))
 END_SOFTENING = 0.3  # of a limit that costs as much as 1 m over the lane's edge
-# What a plan is to tell: l_info of eq. (8); the same with the covariance updated along the horizon; of drifts to come;
+# What a plan is to tell: l_info of eq. (9); the same with the covariance updated along the horizon; of drifts to come;
 # of what the control along the figure-8 will need.
 Objective = Literal["eq8", "updated", "drifts", "reference"]
 NARROWEST = 0.5  # half width of a lane that bends, of its radius
@@ -137,7 +137,7 @@ class GatheringConfig(LaneDrive):
     alpha: float = 8.0  # weight of the first round's information [1/nat]; see `round_alpha`
     starts: int = 5  # first guesses of Info-OCP: the straight line, and random ones
     objective: Objective = "eq8"  # of the first round
-    # Of the rounds after it. Under eq. (8) they went where one thing could be learnt again and again, fast and far from
+    # Of the rounds after it. Under eq. (9) they went where one thing could be learnt again and again, fast and far from
     # drifting. With updates they seek what is new, whether a drift asks for it or not.
     objective_later: Objective = "drifts"  # of later rounds
     ends_straight: bool = True  # informative plans do; without, they end in slides that leave the lane soon after

@@ -1,8 +1,8 @@
-"""The information gathering objective l_info of Info-OCP (eq. 8), over the horizon's stages.
+"""The information gathering objective l_info of Info-OCP (eq. 9), over the horizon's stages.
 
     l_info = 1/2 sum_k log det(I + Phi_k Lambda^{-1} Phi_k')
 
-which is eq. (8), 1/2 sum_k sum_i log(1 + phi_ik' Lambda_i^{-1} phi_ik), where the prior does not couple the states,
+which is eq. (9), 1/2 sum_k sum_i log(1 + phi_ik' Lambda_i^{-1} phi_ik), where the prior does not couple the states,
 
 with the covariance of before the drive, as in the paper, or with the covariance that has taken in the stages before k.
 That one needs no recursion: by the chain rule of information the sum is 1/2 log det(Lambda^{-1} (Lambda + sum_k Phi_k'
@@ -171,7 +171,7 @@ def crossed(first: Array, second: Array) -> Array:
 
 
 class StageInformation(InformationCost):
-    """-alpha l_info as a `StageCost`, of each stage by itself: eq. (8)."""
+    """-alpha l_info as a `StageCost`, of each stage by itself: eq. (9)."""
 
     def of_features(self, phi: Array) -> float:
         return float(0.5 * np.linalg.slogdet(spread_of_features(self._covariance, phi)[1])[1].sum())

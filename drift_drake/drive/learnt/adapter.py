@@ -34,7 +34,7 @@ def adapt_bank(
 ) -> list[Adapted] | None:  # fmt: skip
     """Each posterior after one sample, of models that differ in their lags; None if the sample is refused.
 
-    A sample is refused when it is not finite, or when its Mahalanobis distance from what each model predicts (eq. 6,
+    A sample is refused when it is not finite, or when its Mahalanobis distance from what each model predicts (eq. 7,
     over the four learnt states) is beyond the threshold: a spike of a sensor rather than news of the car.
 
     Args:

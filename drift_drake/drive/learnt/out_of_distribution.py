@@ -1,6 +1,6 @@
 """Is the car still one that the model knows? Out-of-distribution detection during a drive.
 
-Each sample's innovation y - mu under the belief's predictive covariance (eq. 6) has a squared Mahalanobis distance d^2,
+Each sample's innovation y - mu under the belief's predictive covariance (eq. 7) has a squared Mahalanobis distance d^2,
 of four degrees of freedom where the model is right. Its mean over a window is the statistic. One sample's d^2 is no
 independent draw given the last: what the features leave over lasts for several samples. So the statistic's spread is
 not taken from the number of samples, but measured on drives that are in distribution (`calibrate`), and the statistic

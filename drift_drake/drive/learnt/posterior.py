@@ -1,4 +1,4 @@
-"""Bayesian linear regression on the last layer: prior, recursion, predictions (eqs. 3, 5 and 6 of Davydov et al.).
+"""Bayesian linear regression on the last layer: prior, recursion, predictions (eqs. 5, 6 and 7 of Davydov et al.).
 
 For each learnt state i a sample adds y_i = theta_i^T phi_i + eps_i, eps_i ~ N(0, sigma_i^2), with y_i = x_{i,k+1} -
 h_i(x_k, u_k). In the paper the theta_i of different states know nothing of each other, theta_i ~ N(mean_i, sigma_i^2
@@ -55,21 +55,21 @@ def from_precision(mean: Array, precision: Array, sigma: Array) -> Posterior:
 
 
 def update(posterior: Posterior, sigma: Array, phi: Array, y: Array, weight: Array | float = 1.0) -> Posterior:
-    """One sample more: eq. (5). See `update_and_density`."""
+    """One sample more: eq. (6). See `update_and_density`."""
     return update_and_density(posterior, sigma, phi, y, weight)[0]
 
 
 def update_and_density(
     posterior: Posterior, sigma: Array, phi: Array, y: Array, weight: Array | float = 1.0
 ) -> tuple[Posterior, float]:
-    """(the belief after one sample more, eq. (5); the log density [nat] of the sample by the belief before).
+    """(the belief after one sample more, eq. (6); the log density [nat] of the sample by the belief before).
 
     The four states come one after the other. Of the density what does not depend on the belief is left out; a sample
     that counts with a weight enters by that power of its density.
 
     The covariance is updated in Joseph's form, (I - K h^T) P (I - K h^T)^T + K K^T with K = P h / (1 + h^T P h) and h
-    the features of one state, zero elsewhere, which equals eq. (5a) and keeps P symmetric and positive definite under
-    rounding; the mean by the innovation, which equals Lambda^{-1} Q of eq. (5c) and does not lose digits as Q grows.
+    the features of one state, zero elsewhere, which equals eq. (6a) and keeps P symmetric and positive definite under
+    rounding; the mean by the innovation, which equals Lambda^{-1} Q of eq. (6c) and does not lose digits as Q grows.
 
     Args:
         sigma: noise scales [4]; phi: features [4, 16]; y: residual x_{k+1} - h(x_k, u_k) of the learnt states [4];
@@ -131,7 +131,7 @@ def update_all(posterior: Posterior, sigma: Array, phi: Array, y: Array, weight:
 
 
 def predict(posterior: Posterior, sigma: Array, phi: Array) -> Prediction:
-    """Mean and covariance of the next residual, eq. (6) without h: sigma [4], phi [..., 4, 16]."""
+    """Mean and covariance of the next residual, eq. (7) without h: sigma [4], phi [..., 4, 16]."""
     spread = spread_of_features(posterior.covariance, phi)[1]
     return Prediction(np.sum(posterior.mean * phi, axis=-1), sigma[:, None] * spread * sigma)
 

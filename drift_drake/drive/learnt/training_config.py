@@ -16,10 +16,9 @@ LANE_ROUND = 8  # drives of a vehicle in a round of lane drives; the first follo
 class TrainingConfig:
     """Meta-train the features, the prior and the noise of the Bayesian vehicle model.
 
-    The defaults go beyond the paper's recipe in what the model is asked: after a context of a vehicle's samples - lane
-    drives, some of its drifting, or nothing - to predict others of its drifts (see `transfer_objective`). Under the
-    paper's objective over windows of consecutive samples, what was learnt on a lane did not carry over to drifting, and
-    the posterior grew over-confident.
+    By default the objective is over tasks: after a context of a vehicle's samples (lane drives, some drifting, or
+    nothing) the model predicts other samples of its drifts (see `transfer_objective`). The paper's objective is over
+    windows of consecutive samples.
     """
 
     data: Path = Path("runs/drives/train_phases.npz")
@@ -27,13 +26,13 @@ class TrainingConfig:
     output: Path = Path("runs/bayesian_model.npz")
     """Checkpoint to write."""
     validation: Path | None = Path("runs/drives/validation.npz")
-    """Table of other vehicles: watched, and used to choose the weight of a sample; never trained on."""
+    """Table of the validation vehicles: recorded, and used to choose the weight of a sample; never trained on."""
     lane: Path | None = Path("runs/drives/train_lane_phases.npz")
     """The same vehicles' lane drives, by `experiments.gathering.lane_drives`; without, windows are the objective."""
     validation_lane: Path | None = Path("runs/drives/validation_lane.npz")
-    """The same of the validation vehicles."""
+    """Lane drives of the validation vehicles."""
     start: Path | None = None
-    """Checkpoint whose numbers to start from (another round of lane drives, say); random ones without."""
+    """Checkpoint to start from; random weights if not given."""
     epoch_batches: int = 25
     """Gradient steps of an epoch, where tasks are the objective."""
     batch_tasks: int = 32
@@ -41,41 +40,41 @@ class TrainingConfig:
     gradient_clip: float | None = 10.0
     """Largest norm of a gradient step."""
     horizons: tuple[int, ...] = (10, 20, 50, 100, 200, 325)
-    """[samples] An epoch cuts its windows at one of these, drawn anew."""
+    """Lengths of windows [samples]; each epoch draws one."""
     shuffled_share: float = 0.3
-    """Of epochs whose windows take a vehicle's samples in random order, across its drives."""
+    """Share of epochs whose windows take a vehicle's samples in random order, across its drives."""
     epoch_samples: int | None = 22_750
-    """An epoch's share of a larger table, drawn anew each time; without, all of it."""
+    """Samples of a larger table that an epoch draws; if not given, all."""
     temper: bool = True
-    """Choose the weight of a sample in the posterior on the validation vehicles; else it is 1."""
+    """Choose the weight of a sample in the posterior on the validation vehicles; otherwise it is 1."""
     physical_inputs: bool = True
     """Give the network the slips and forces of the nominal car's tyres in addition to z, and the actuators' states."""
     tyres: bool = True
-    """False: of the physical inputs the actuators' states (lagged commands) alone; the others' weights stay zero."""
+    """Without it, the physical inputs are the actuators' states (lagged commands) alone."""
     coupled: bool = False
-    """Over windows, too: one belief of all states in place of four; the objective over tasks always has one."""
+    """Couple the weights of all four states in one prior for windows too, as tasks always do."""
     adaptive: bool = True
-    """False: a network of the same size that never adapts."""
+    """Without it, a network of the same size that never adapts."""
     epochs: int = 1200
-    """How often to go through the data."""
+    """Number of epochs."""
     learning_rate: float = 2e-3
-    """Of Adam, at the start."""
+    """Learning rate of Adam at the start."""
     decay: float = 0.9971
-    """Of the learning rate, per epoch."""
+    """Factor on the learning rate after each epoch."""
     batch: int = 2048
     """Samples per gradient step."""
     weight_decay: float = 0.03
-    """Of the network's weights (decoupled, as in AdamW)."""
+    """Decay of the network's weights (decoupled, as in AdamW)."""
     time_limit: float = 2400.0
-    """[s] Of training in all; what has been reached by then is written."""
+    """Time of the whole training [s]; what has been reached by then is written."""
     stop_at: float | None = None
-    """Stop once the watched vehicles' objective is at or below this."""
+    """Stop once the validation vehicles' objective is at or below this."""
     threads: int = 2
-    """Of torch."""
+    """Threads of torch."""
     device: Literal["auto", "cpu", "cuda"] = "auto"
     """Where to train; auto: on a GPU where torch finds one."""
     seed: int = 0
-    """Of the first weights and of the windows."""
+    """Seed of the first weights and of the windows."""
     vehicle: Path | None = None
     """Vehicle file of the nominal car inside the model; the default car without."""
 

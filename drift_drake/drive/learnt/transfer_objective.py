@@ -1,8 +1,8 @@
 """What the car is used for, as the objective: after a context of a vehicle's samples, predict others of its samples.
 
 A task is one vehicle, a context (nothing, drives along a straight lane, or some of its drifting) and targets out of
-its other drifting drives. With the posterior of eq. (5) after the context, each sample of it counting with a weight w,
-the loss is -2 log of the predictive density (6) of each target by itself, and of the mean over each stretch of
+its other drifting drives. With the posterior of eq. (6) after the context, each sample of it counting with a weight w,
+the loss is -2 log of the predictive density (7) of each target by itself, and of the mean over each stretch of
 consecutive targets: a controller plans two seconds ahead, where what is wrong every time adds up and noise does not. So
 the prior learns what a lane tells of a drift, which windows of consecutive samples never ask; and w, which is trained
 along for each state, learns how much less n samples of one drive tell than n independent ones.

@@ -1,6 +1,6 @@
 """The paper's objective: the sequential negative log-likelihood of windows of samples.
 
-Over a window of T samples of one vehicle it is the sum of -2 log p(x_{k+1} | x_{0:k}) with the posterior of eq. (5)
+Over a window of T samples of one vehicle it is the sum of -2 log p(x_{k+1} | x_{0:k}) with the posterior of eq. (6)
 after the samples before. By the chain rule that sum is the negative log marginal likelihood of the window, which has a
 closed form,
 

@@ -43,7 +43,7 @@ class Simulate:
     seed: int = 0
     """Of the sensors' noise."""
     noise: float = 1.0
-    """The sensors' noise, in times that of a good inertial system; 0: none."""
+    """Factor on the sensors' noise, which is that of a good inertial system; 0: no noise."""
     duration: float | None = None
     """Seconds to drive; the manoeuvre's own without."""
     speed: float = 12.0

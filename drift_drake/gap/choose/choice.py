@@ -106,7 +106,7 @@ def ask(runs: Sequence[Run], first_guess: PlantParameters, progress: Progress | 
         InvalidLogError: a column that holds no number.
     """
     tell = progress or (lambda _stage, _share: None)
-    tell("the car as it is", 0.0)
+    tell("the car without additional effects", 0.0)
     vehicle = first_guess.single_track()
     doubtful = doubts(runs, vehicle)
     runs, remarks = asked_parts(runs, vehicle)
@@ -138,10 +138,10 @@ def _another_car(
     best = min(cars, key=lambda car: car_error(car, judged))
     if car_error(best, judged) <= limit:
         return best
-    tell("on two tracks", 1.0 - 2.0 / stages)
+    tell("double-track car", 1.0 - 2.0 / stages)
     double, near = identified_double_track(judged, first_guess) or (None, None)
     if car_error(double, judged) > limit:
-        tell("on two tracks with sensors that are off", 1.0 - 1.0 / stages)
+        tell("double-track car with sensor errors", 1.0 - 1.0 / stages)
         off, _ = identified_double_track(judged, first_guess, BIASES, near) or (None, None)
         # Two unknowns more are nearer, whatever is wrong with the logs; sensors that are off are far nearer.
         if car_error(off, judged) < NEARER * car_error(double, judged):

@@ -238,7 +238,7 @@ def of_better_kind(
     """
 
     def progress(stage: str, share: float) -> None:
-        tell(f"{stage}, on two tracks", 0.5 + 0.5 * share)
+        tell(f"{stage}, double-track car", 0.5 + 0.5 * share)
 
     try:
         double = by_prediction(runs, asked, True, progress)

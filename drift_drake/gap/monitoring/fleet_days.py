@@ -35,7 +35,7 @@ class FleetDay(NamedTuple):
 
 
 class Judge(NamedTuple):
-    """What the simulator believes of every car, and its baseline where it was calibrated."""
+    """The simulator's vehicle, the same for all cars, and its baseline where it was calibrated."""
 
     given: GivenVehicle
     used: tuple[str, ...]  # measured columns

@@ -28,7 +28,7 @@ def rows(model: BayesianModel, x: np.ndarray, u: np.ndarray, u_next: np.ndarray)
 
 @pytest.mark.parametrize("updated", [False, True])
 def test_without_coupling_the_value_is_equation_8(model: BayesianModel, updated: bool) -> None:
-    """Each state by itself, with its covariance of before the drive or after the stages before by eq. (5)."""
+    """Each state by itself, with its covariance of before the drive or after the stages before by eq. (6)."""
     x, u, u_next = stages(5, 0)
     blocks = state_blocks(model.prior().covariance).copy()
     objective = KINDS[updated](model.network, block_diag(*blocks), ALPHA)

@@ -1,6 +1,7 @@
 """The replay is one HTML file that needs nothing else, with all cars in it."""
 
 import contextlib
+import itertools
 import os
 import re
 import socket
@@ -131,23 +132,26 @@ def test_it_is_readable_in_the_dark_and_its_hidden_controls_are_out_of_the_way(p
 
 
 PLACES = """<script>setTimeout(() => {
-  const car = (0.5 - 0.5 * place(0).project(viewer.camera).y) * innerHeight;
-  parent.postMessage([car, document.getElementById("panel").getBoundingClientRect().top], "*");
+  const height = i => (0.5 - 0.5 * place(i).project(viewer.camera).y) * innerHeight;
+  parent.postMessage([element("panel").getBoundingClientRect().top, ...cars.map((_, i) => height(i))], "*");
 }, 4000)</script></body>"""
+APART = '<script>setTimeout(() => element("apart").click(), 100)</script>'
 FRAME = """<!doctype html><script>addEventListener("message", event => document.title = event.data.join(" "));</script>
 <iframe width="390" height="700" src="page.html"></iframe>"""
 
 
 @pytest.mark.slow
 @needs_browser
-def test_on_a_phone_the_car_is_in_the_middle_above_the_panel(perfect_run, tmp_path):
-    page = replay({"a": perfect_run.iloc[:200]}, tmp_path / "page.html", camera="follow")
+@pytest.mark.parametrize(("names", "script"), [("a", ""), ("abc", APART)])
+def test_on_a_phone_the_cars_are_in_the_middle_above_the_panel(perfect_run, tmp_path, names, script):
+    page = replay(dict.fromkeys(names, perfect_run.iloc[:200]), tmp_path / "page.html", camera="follow")
     text = re.sub(r'<meta http-equiv="Content-Security-Policy"[^>]*>', "", page.read_text(encoding="utf-8"))
-    page.write_text(text.replace("</body>", PLACES), encoding="utf-8")
+    page.write_text(text.replace("</body>", script + PLACES), encoding="utf-8")
     (tmp_path / "frame.html").write_text(FRAME, encoding="utf-8")
     options = ["--headless", "--no-sandbox", "--enable-unsafe-swiftshader", "--virtual-time-budget=8000", "--dump-dom"]
     done = subprocess.run([BROWSER, *options, (tmp_path / "frame.html").as_uri()], capture_output=True, text=True,
                           timeout=300, check=True)  # fmt: skip
-    car, panel = map(float, re.search(r"<title>(.*?)</title>", done.stdout)[1].split())
+    panel, *cars = map(float, re.search(r"<title>(.*?)</title>", done.stdout)[1].split())
     assert 300.0 < panel < 690.0
-    assert car == pytest.approx(0.5 * panel, abs=10.0)
+    assert cars[len(cars) // 2] == pytest.approx(0.5 * panel, abs=10.0)
+    assert all(40.0 < below - above < 0.3 * panel for above, below in itertools.pairwise(cars))

@@ -95,11 +95,11 @@ def diagnose_change(
     search = search_of(runs, vehicle, normal, own, names, case, workers)
     with counted(tell, vehicle.constants()) as shown:
         none, others = hypotheses_of(search, shown)
-    tell("how far it shrinks", 0.8)
+    tell("reduction of the gap", 0.8)
     noise = changed(normal.noise, search.day.runs)
     found, shrinks = ranked_hypotheses(search, none, others, constants, false_alarms, noise.log_evidence)
     if found.verdict == UNKNOWN and not doubts and gross(search, none) > GROSS:
-        far = "a gap far beyond normal"
+        far = "errors far beyond the baseline's"
         found, shrinks = judged_by_errors(search, constants, lambda share: tell(far, 0.8 + 0.1 * share))
         warnings.append(FAR_BEYOND)
     whole = shrinks
@@ -113,7 +113,7 @@ def diagnose_change(
             besides = max(found.something_else, found.probabilities[UNKNOWN])
             found, (none, others), shrinks = dataclasses.replace(again, something_else=besides), of_rest, removed
             whole = reduction(search, found.leading, found.leading)
-    tell("what these logs can show", 0.9)
+    tell("detection limits", 0.9)
     limits = detection_limits(search, search.curves)
     h = found.leading
     named = found.verdict == "effect"

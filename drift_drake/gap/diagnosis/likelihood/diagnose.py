@@ -135,11 +135,11 @@ def judge_hypotheses(
     """
     best = hypotheses[0][0]
     refined = refine_noise(problem, best)
-    tell("what is left", 0.82)
+    tell("unknown forces", 0.82)
     left = [misfit(refined, best, kind) for kind in ("pulses", "functions")]
     gain = max(part.gain for part in left)
     posterior = make_posterior(hypotheses, gain, count, calibration)
-    tell("how far it shrinks", 0.87)
+    tell("reduction of the gap", 0.87)
     shrinks = _shrinks(problem, posterior, best)
     for _ in range(MOST_REFUSED):  # causes that remove nothing of what they were not fitted to are none
         if posterior.verdict != "effect" or shrinks.estimate > 0.0:
@@ -294,11 +294,11 @@ def diagnose(
     problem, misfits = (problem, []) if discrepancy is None else applied(problem, discrepancy)
     found = search(problem, names, workers, lambda stage, share: tell(stage, 0.8 * share))
     judged = judge_hypotheses(problem, found, len(names), calibration or read_constants(), tell)
-    tell("where it is", 0.93)
+    tell("location of the gap", 0.93)
     lacking = judged.left[0] if not judged.best.names else misfit(problem, judged.nothing)
     before, floor = without_effects(problem, None), errors_of(problem, judged.best.theta, judged.best.names)
     where = find_gap(problem, before, floor, lacking)
-    tell("what the learnt model says", 0.97)
+    tell("learnt model", 0.97)
     details = judged.as_data(problem, names) | {
         "learned": dataclasses.asdict(learned(problem, before, floor)),
         "suspicions": [dataclasses.asdict(doubt) for doubt in doubts],

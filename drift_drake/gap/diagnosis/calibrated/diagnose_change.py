@@ -20,6 +20,7 @@ from drift_drake.common.standard_output import Progress
 from drift_drake.gap.diagnosis.answers.answer import Answer
 from drift_drake.gap.diagnosis.calibrated.changed_car import judged, left_in, reduction, stated, where
 from drift_drake.gap.diagnosis.calibrated.gross_gap import judged_by_errors
+from drift_drake.gap.diagnosis.calibrated.one_stretch import odd_blocks, stretches_in_words, without
 from drift_drake.gap.diagnosis.calibrated.posterior import (
     at_bound,
     change_beliefs,
@@ -101,11 +102,22 @@ def diagnose_change(
         far = "errors far beyond the baseline's"
         found, shrinks = judged_by_errors(search, constants, lambda share: tell(far, 0.8 + 0.1 * share))
         warnings.append(FAR_BEYOND)
+    whole = shrinks
+    if (found.verdict == UNKNOWN or found.something_else) and np.any(odd := odd_blocks(search, found.leading)):
+        rest = without(search, odd)
+        of_rest = hypotheses_of(rest, lambda _stage, share: tell("without a few seconds", share))
+        again, removed = ranked_hypotheses(rest, *of_rest, constants, false_alarms, noise.log_evidence)
+        named = again.verdict == "effect" and not again.something_else
+        warnings.append(stretch_sentence(stretches_in_words(search, odd), named))
+        if named:
+            besides = max(found.something_else, found.probabilities[UNKNOWN])
+            found, (none, others), shrinks = dataclasses.replace(again, something_else=besides), of_rest, removed
+            whole = reduction(search, found.leading, found.leading)
     tell("detection limits", 0.9)
     limits = detection_limits(search, search.curves)
     h = found.leading
     named = found.verdict == "effect"
-    left = left_over_of(search, found, shrinks, none)
+    left = left_over_of(search, found, whole, none)
     warnings += [unseen_sentence(name, q) for name, q in h.additional.items() if named]
     warnings += [left_over_sentence(left)] if left else []
     warnings += [*noise.sentences(), *remarks(search.day.constants, len(search.day.errors), MOST_WINDOWS)]
@@ -150,6 +162,12 @@ def left_over_of(search: Search, found: DayRanked, shrinks: Reduction, none: Hyp
         "driving": driving,
         "like": str(rest.like) if rest is not None else "",
     }
+
+
+def stretch_sentence(where: str, named: bool) -> str:
+    """That a few seconds hold most of a gap, and whether a cause is named without them."""
+    without = "the cause is judged without them" if named else "without them no cause is named either"
+    return f"most of the gap is in a few seconds, {where}: look at the logs there; {without}"
 
 
 def left_over_sentence(left: Mapping[str, Any]) -> str:

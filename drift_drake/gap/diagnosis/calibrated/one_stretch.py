@@ -10,7 +10,8 @@ import numpy as np
 
 from drift_drake.gap.diagnosis.calibrated.changed_car import changed_car
 from drift_drake.gap.estimation.scores import block_scores, make_day
-from drift_drake.gap.evidence.hypotheses import Hypothesis, Search
+from drift_drake.gap.evidence.hypotheses import Hypothesis
+from drift_drake.gap.evidence.search import Search
 
 MOST = 0.2  # share of the blocks of time that a gap may be held by, to be one of a few seconds
 HELD = 0.7  # share of the gap that they hold then (a van whose wheel locks, and another car; validation)

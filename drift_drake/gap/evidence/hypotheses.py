@@ -1,36 +1,20 @@
-"""Which change explains scores relative to a baseline: `none`, single effects and pairs, with magnitudes.
-
-A hypothesis puts its effects into the calibrated car, predicts the day's windows anew and asks how normal the scores
-of the errors that are left are (`gap.estimation.scores`). Scores are nearly linear in a magnitude, so that a few
-predictions, interpolated, find its most likely value.
-"""
+"""Hypotheses of a change from a baseline: effects with their most likely magnitudes, and what loads bring along."""
 
 import dataclasses
-from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from drift_drake.car.effects.catalogue import CATALOGUE, LIMITS
+from drift_drake.car.effects.catalogue import CATALOGUE
 from drift_drake.car.equations import CarConstants, kind_of
-from drift_drake.car.parameters import VehicleParameters
-from drift_drake.gap.estimation.baseline import Scatter, scatter_of
-from drift_drake.gap.estimation.normal import Normal
-from drift_drake.gap.estimation.prior import Range, at_end, clipped, farther, range_of, tried_first
-from drift_drake.gap.estimation.scores import Day, summed
-from drift_drake.gap.evidence.left_over import LeftOver, left_over
+from drift_drake.gap.estimation.prior import Range
+from drift_drake.gap.estimation.scores import Day
+from drift_drake.gap.evidence.left_over import LeftOver
 
 FADES = 0.2  # of the practical range, over which a prior falls off beyond it
-FINE = 24  # interpolated magnitudes between two of the grid
-REFINED, ROUNDS = 8, 3  # leading hypotheses whose magnitudes are predicted anew, and how often
-SEEDS, PARTNERS, PAIR_STEPS = 3, 4, 4  # singles that pairs are grown from, partners each, Gauss-Newton steps
-TINY = 1e-3  # of a unit, for differences
 BUILD = 0.5  # `daily` below which an effect is of the car's build
 FOLLOWING = ("mass_error", "cg_shift")  # effects that move axle loads
 LOADED = frozenset(("front_stiffness_error", "rear_stiffness_error"))  # what a real tyre does then
-SHARES = (0.0, 0.5, 1.0)  # of stiffness in proportion to the load that are tried
-CLOSEST = 3  # effects that leave the least errors of all, which are candidates whatever their scores
-EXTENSIONS = 2  # of the reach of a leading hypothesis
 
 
 @dataclasses.dataclass(frozen=True)
@@ -105,164 +89,6 @@ def with_load(name: str, magnitude: float, share: float, constants: CarConstants
     }
 
 
-class Search:
-    """Hypotheses of one day, fitted.
-
-    Attributes:
-        ranges: of the effects' magnitudes, by name; `singles` widens those whose most likely magnitude is at an end.
-        curves: of every single effect, once `singles` has been asked.
-    """
-
-    def __init__(self, day: Day, normal: Normal, vehicle: VehicleParameters, catalogue: Sequence[str],
-                 threads: int = 2) -> None:  # fmt: skip
-        self.day, self.normal, self.vehicle = day, normal, vehicle
-        self.scatter: Scatter = scatter_of(day, normal)
-        self.ranges = {name: range_of(name, vehicle) for name in catalogue}
-        self.threads = threads
-        self.curves: list[Curve] = []
-
-    def on(self, day: Day) -> "Search":
-        """The same search, in the same ranges, on other windows."""
-        other = Search(day, self.normal, self.vehicle, list(self.ranges), self.threads)
-        other.ranges = dict(self.ranges)
-        return other
-
-    def scores(self, effects: Mapping[str, float], kept: np.ndarray | None = None) -> np.ndarray:
-        """Scores less their normal mean [m] once effects are added, of the blocks that are kept [blocks] (bool)."""
-        return self._scores(self.day.errors_with(effects) if effects else self.day.errors, kept)
-
-    def _scores(self, e: np.ndarray, kept: np.ndarray | None = None) -> np.ndarray:
-        part = 1.0 if kept is None else float(np.mean(kept))
-        return summed(self.day, self.normal, e, kept) - part * self.scatter.mean
-
-    def tried(self, effects: Mapping[str, float]) -> tuple[np.ndarray, float]:
-        """Scores less their normal mean [m] once effects are added, and the mean capped square of the errors."""
-        e = self.day.errors_with(effects)
-        return self._scores(e), float(np.mean(self.normal.squares(e)))
-
-    def nats(self, scores: np.ndarray) -> np.ndarray:
-        """Half the squared distance from normal of scores [..., m]."""
-        return np.asarray(0.5 * np.einsum("...i,ij,...j->...", scores, self.scatter.inverse, scores))
-
-    def none(self) -> Hypothesis:
-        """Nothing has changed."""
-        scores = self.scores({})
-        nats, rest = float(self.nats(scores)), self.left_over(scores, np.zeros((len(scores), 0)))
-        return Hypothesis((), np.zeros(0), np.zeros((0, 0)), nats, -nats, scores=len(scores), left_over=rest)
-
-    def left_over(self, scores: np.ndarray, slopes: np.ndarray) -> LeftOver:
-        """What scores less their normal mean [m] leave over, of magnitudes with slopes [m, k]."""
-        return left_over(scores, self.scatter, self.normal.names, slopes)
-
-    def singles(self, progress: Callable[[float], None]) -> list[Hypothesis]:
-        """Every single effect with its most likely magnitude, the best refined; best first."""
-        at_zero = self.scores({})
-        variants = [
-            (name, follows) for name in self.ranges for follows in (SHARES if name in FOLLOWING else SHARES[:1])
-        ]
-        with ThreadPoolExecutor(self.threads) as pool:
-            curves = []
-            for done, curve in enumerate(pool.map(lambda v: self._curve(v[0], v[1], at_zero), variants)):
-                curves.append(curve)
-                progress((done + 1) / len(variants))
-            ranked = sorted(curves, key=lambda curve: curve.best(self)[1])
-            refined = list(pool.map(lambda curve: curve.refined(self), ranked[:REFINED]))
-        refined = [follow(self, curve) for curve in refined]
-        self.curves = [*refined, *ranked[REFINED:]]
-        found = [curve.hypothesis(self) for curve in self.curves]
-        best: dict[str, Hypothesis] = {}
-        for h in sorted(found, key=lambda h: -h.log_evidence):
-            best.setdefault(h.names[0], h)
-        return sorted(best.values(), key=lambda h: -h.log_evidence)
-
-    def closest(self) -> list[Hypothesis]:
-        """The single effects that leave the least errors, less than none, whatever their scores; after `singles`."""
-        without = float(np.mean(self.normal.squares(self.day.errors)))
-        curves = [curve for curve in self.curves if curve.least_misfit(self) < without]
-        curves = sorted(curves, key=lambda curve: -curve.least_misfit(self))
-        best = {curve.name: curve for curve in curves}  # the last of each name
-        return [curve.start(self) for curve in list(best.values())[-CLOSEST:]]
-
-    def _curve(self, name: str, follows: float, at_zero: np.ndarray) -> "Curve":
-        curve = Curve(name, follows, [], [])
-        if name not in LIMITS:  # whose zero is no limit at all
-            curve = Curve(name, follows, [0.0], [at_zero])
-        for magnitude in sorted(set(tried_first(self.ranges[name]))):
-            curve = curve.with_point(self, float(magnitude))
-        return curve
-
-    def pairs(self, singles: Sequence[Hypothesis], progress: Callable[[float], None]) -> list[Hypothesis]:
-        """Pairs grown from the best singles, jointly fitted; best first."""
-        names = [h.names[0] for h in singles]
-        magnitude = {h.names[0]: float(h.magnitudes[0]) for h in singles}
-        slopes = {name: self._slope(name, magnitude[name]) for name in names}
-        jobs: dict[tuple[str, str], tuple[Hypothesis, str, float]] = {}
-        for seed in singles[:SEEDS]:
-            at = self.scores(seed.effects(self.day))
-            gains = []
-            for name in names:
-                if name != seed.names[0]:
-                    q, gain = self._partner(name, at, slopes[name])
-                    gains.append((gain, name, q))
-            for _, name, q in sorted(gains, reverse=True)[:PARTNERS]:
-                first, second = sorted((seed.names[0], name))
-                jobs.setdefault((first, second), (seed, name, q))
-        out = []
-        with ThreadPoolExecutor(self.threads) as pool:
-            for done, h in enumerate(pool.map(lambda job: self._pair(*job), jobs.values())):
-                progress((done + 1) / len(jobs))
-                out.append(h)
-        return sorted((h for h in out if h is not None), key=lambda h: -h.log_evidence)
-
-    def _slope(self, name: str, single: float) -> np.ndarray:
-        """Change of the scores per magnitude of an effect [m], over its most likely one alone."""
-        r = self.ranges[name]
-        unit = single if abs(single) >= r.least else max(r.least, TINY * r.high)
-        return np.asarray((self.scores({name: unit}) - self.scores({})) / unit)
-
-    def _partner(self, name: str, at: np.ndarray, slope: np.ndarray) -> tuple[float, float]:
-        """Magnitude that a second effect would have at scores `at`, to first order, and the nats that it gains."""
-        curvature = float(slope @ self.scatter.inverse @ slope)
-        q = -float(slope @ self.scatter.inverse @ at) / max(curvature, 1e-300)
-        q = clipped(q, self.ranges[name])
-        return q, float(self.nats(at) - self.nats(at + slope * q))
-
-    def _pair(self, seed: Hypothesis, name: str, start: float) -> Hypothesis | None:
-        names = (*seed.names, name)
-        order = np.argsort(names)
-        follows = seed.follows_load
-        q = np.array([float(seed.magnitudes[0]), start])
-        s = self.scores(effects_of(names, q, follows, self.day))
-        ranges = [self.ranges[n] for n in names]
-        slopes = np.zeros((len(s), 2))
-        for _ in range(PAIR_STEPS):
-            for i, r in enumerate(ranges):
-                step = 0.05 * r.high * (1.0 if q[i] + 0.05 * r.high <= r.high else -1.0)
-                moved = q + step * (np.arange(2) == i)
-                slopes[:, i] = (self.scores(effects_of(names, moved, follows, self.day)) - s) / step
-            hessian = slopes.T @ self.scatter.inverse @ slopes
-            if np.min(np.diag(hessian)) <= 0.0:
-                return None  # one of the two does nothing here
-            step2 = -np.linalg.solve(hessian + 1e-9 * np.diag(np.diag(hessian)), slopes.T @ self.scatter.inverse @ s)
-            for share in (1.0, 0.5, 0.2):
-                trial = np.array([clipped(float(x), r) for x, r in zip(q + share * step2, ranges, strict=True)])
-                after = self.scores(effects_of(names, trial, follows, self.day))
-                if self.nats(after) < self.nats(s):
-                    break
-            else:
-                break
-            gained = float(self.nats(s) - self.nats(after))
-            q, s = trial, after
-            if gained < 0.05:
-                break
-        hessian = slopes.T @ self.scatter.inverse @ slopes
-        if not np.all(np.isfinite(hessian)) or np.linalg.cond(hessian) > 1e12:
-            return None
-        covariance = np.linalg.inv(hessian)
-        names, q, covariance = tuple(names[i] for i in order), q[order], covariance[np.ix_(order, order)]
-        return concluded(names, q, covariance, float(self.nats(s)), [self.ranges[n] for n in names], follows)
-
-
 def concluded(
     names: tuple[str, ...], q: np.ndarray, covariance: np.ndarray, nats: float, ranges: Sequence[Range],
     follows: float,
@@ -280,94 +106,3 @@ def unusual(q: np.ndarray | float, r: Range) -> np.ndarray:
     below = r.usual[0] - q if r.low < 0.0 else 0.0
     beyond = np.maximum(np.maximum(q - r.usual[1], below), 0.0) / (FADES * r.usual[1])
     return np.asarray(2.0 * np.log1p(0.5 * np.square(beyond)))
-
-
-@dataclasses.dataclass(frozen=True)
-class Curve:
-    """Scores of one effect over its magnitudes, linear in between."""
-
-    name: str
-    follows: float
-    magnitudes: list[float]  # ascending
-    scores: list[np.ndarray]
-    misfits: Mapping[float, float] = dataclasses.field(default_factory=dict)  # mean squared errors by magnitude
-
-    def with_point(self, search: Search, magnitude: float) -> "Curve":
-        """The curve with one more magnitude predicted."""
-        if any(abs(magnitude - q) < 1e-12 for q in self.magnitudes):
-            return self
-        s, misfit = search.tried(effects_of((self.name,), np.array([magnitude]), self.follows, search.day))
-        order = sorted(zip([*self.magnitudes, magnitude], [*self.scores, s], strict=True), key=lambda pair: pair[0])
-        misfits = {**self.misfits, magnitude: misfit}
-        return Curve(self.name, self.follows, [q for q, _ in order], [s for _, s in order], misfits)
-
-    def fine(self) -> tuple[np.ndarray, np.ndarray]:
-        """Interpolated magnitudes [k] and scores [k, m]."""
-        at, s = np.array(self.magnitudes), np.array(self.scores)
-        share = np.linspace(0.0, 1.0, FINE)[None, :, None]
-        q = (1.0 - share[..., 0]) * at[:-1, None] + share[..., 0] * at[1:, None]
-        return q.ravel(), ((1.0 - share) * s[:-1, None] + share * s[1:, None]).reshape(-1, s.shape[1])
-
-    def best(self, search: Search) -> tuple[float, float]:
-        """Most likely magnitude that is a gap, and its nats."""
-        q, s = self.fine()
-        nats = np.where(search.ranges[self.name].allows(q), search.nats(s), np.inf)
-        i = int(np.argmin(nats))
-        return float(q[i]), float(nats[i])
-
-    def refined(self, search: Search) -> "Curve":
-        """The curve predicted anew where it is most likely, until that stays."""
-        curve = self
-        for _ in range(ROUNDS):
-            q, before = curve.best(search)
-            curve = curve.with_point(search, q)
-            if abs(curve.best(search)[1] - before) < 0.1:
-                break
-        return curve
-
-    def least_misfit(self, search: Search) -> float:
-        """The least mean squared error of the magnitudes that were tried and are a gap."""
-        return min((x for q, x in self.misfits.items() if search.ranges[self.name].allows(np.array(q))), default=np.inf)
-
-    def start(self, search: Search) -> Hypothesis:
-        """The hypothesis where the least errors are left: its most likely magnitude, if that is next to there.
-
-        Scores are nearly linear around the calibrated car alone. Where an effect makes errors that are clipped, they
-        may look normal far from the true magnitude, and not at it.
-        """
-        q = min(self.misfits, key=self.misfits.__getitem__)
-        i = self.magnitudes.index(q)
-        low, high = self.magnitudes[max(i - 1, 0)], self.magnitudes[min(i + 1, len(self.magnitudes) - 1)]
-        best = self.best(search)[0]
-        return self.hypothesis(search, None if low <= best <= high else clipped(q, search.ranges[self.name]))
-
-    def hypothesis(self, search: Search, magnitude: float | None = None) -> Hypothesis:
-        """The single effect at its most likely magnitude, or at another; its variance from the scores' slope there."""
-        q, nats = self.best(search)
-        at = np.array(self.magnitudes)
-        if magnitude is not None:
-            there = np.array([np.interp(magnitude, at, s) for s in np.transpose(self.scores)])
-            q, nats = magnitude, float(search.nats(there))
-        i = int(np.clip(np.searchsorted(at, q), 1, len(at) - 1))
-        # Over a stretch of the curve: neighbours that refinement put close together say little of the slope.
-        low, high = max(i - 2, 0), min(i + 1, len(at) - 1)
-        slope = (self.scores[high] - self.scores[low]) / (at[high] - at[low])
-        variance = 1.0 / max(float(slope @ search.scatter.inverse @ slope), 1e-300)
-        return concluded((self.name,), np.array([q]), np.array([[variance]]), nats, [search.ranges[self.name]],
-                         self.follows)  # fmt: skip
-
-
-def follow(search: Search, curve: Curve) -> Curve:
-    """Predicts a curve farther out while its most likely magnitude is at its end, and widens `search.ranges` so far.
-
-    But for a rate limit, which acts the less there.
-    """
-    for _ in range(EXTENSIONS if curve.name not in LIMITS else 0):
-        r, q = search.ranges[curve.name], curve.best(search)[0]
-        wider = farther(curve.name, r, search.vehicle)
-        if not at_end(q, r) or wider == r:
-            break
-        search.ranges[curve.name] = wider
-        end = wider.high if q > 0.0 else wider.low
-        curve = curve.with_point(search, 0.5 * (q + end)).with_point(search, end).refined(search)
-    return curve

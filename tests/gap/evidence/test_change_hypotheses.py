@@ -20,17 +20,10 @@ from drift_drake.gap.diagnosis.calibrated.posterior import (
 )
 from drift_drake.gap.estimation.prior import REACH, Range, at_end, clipped, farther, range_of
 from drift_drake.gap.evidence.constants import ELSE, OF_SCATTER, PRIORS, STANDS_FOR
-from drift_drake.gap.evidence.hypotheses import (
-    Curve,
-    Hypothesis,
-    Search,
-    as_change,
-    concluded,
-    effects_of,
-    follow,
-)
+from drift_drake.gap.evidence.hypotheses import Hypothesis, as_change, concluded, effects_of
 from drift_drake.gap.evidence.left_over import LeftOver
 from drift_drake.gap.evidence.ranking import ranked, shared_out, threshold
+from drift_drake.gap.evidence.search import Curve, Search, follow
 
 CAR = VehicleParameters()
 NONE = Hypothesis((), np.zeros(0), np.zeros((0, 0)), 50.0, -50.0, scores=20)

@@ -8,7 +8,8 @@ import pytest
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.gap.diagnosis.calibrated.diagnose_change import candidates
 from drift_drake.gap.estimation.prior import Range
-from drift_drake.gap.evidence.hypotheses import Curve, Hypothesis
+from drift_drake.gap.evidence.hypotheses import Hypothesis
+from drift_drake.gap.evidence.search import Curve
 
 TRUTH = 0.12
 

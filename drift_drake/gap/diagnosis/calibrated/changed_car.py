@@ -18,8 +18,9 @@ from drift_drake.gap.estimation.prior import clipped
 from drift_drake.gap.estimation.reduction import FOLDS, NOTHING_REMOVED, STATES, Reduction, reduction_of
 from drift_drake.gap.estimation.scores import Day, make_day
 from drift_drake.gap.estimation.unknowns import added
-from drift_drake.gap.evidence.hypotheses import Hypothesis, Search, added_up, concluded
+from drift_drake.gap.evidence.hypotheses import Hypothesis, added_up, concluded
 from drift_drake.gap.evidence.left_over import LeftOver
+from drift_drake.gap.evidence.search import Search
 from drift_drake.gap.evidence.where import onsets, region_of, regions, shares
 
 ROUNDS = 3  # cars at most that a hypothesis moves on to

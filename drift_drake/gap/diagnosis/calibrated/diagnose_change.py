@@ -7,7 +7,7 @@ each direction, and what that day's drives left unknown.
 import dataclasses
 import time
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -20,6 +20,7 @@ from drift_drake.common.standard_output import Progress
 from drift_drake.gap.diagnosis.answers.answer import Answer
 from drift_drake.gap.diagnosis.calibrated.changed_car import judged, left_in, reduction, stated, where
 from drift_drake.gap.diagnosis.calibrated.gross_gap import judged_by_errors
+from drift_drake.gap.diagnosis.calibrated.one_stretch import odd_blocks, stretches_in_words, without
 from drift_drake.gap.diagnosis.calibrated.posterior import (
     at_bound,
     change_beliefs,
@@ -38,9 +39,10 @@ from drift_drake.gap.estimation.unknowns import magnitudes
 from drift_drake.gap.estimation.usable import admit, seen_effects
 from drift_drake.gap.estimation.windows import rows_between_starts, thinned, windowed
 from drift_drake.gap.evidence.constants import PRIORS, WORTH_A_PAIR
-from drift_drake.gap.evidence.hypotheses import Hypothesis, Search, as_change
+from drift_drake.gap.evidence.hypotheses import Hypothesis, as_change
 from drift_drake.gap.evidence.posterior import UNKNOWN, PosteriorConstants, hypothesis_name
 from drift_drake.gap.evidence.ranking import FALSE_ALARMS, DayRanked, ranked, threshold
+from drift_drake.gap.evidence.search import Search
 
 LEAST_FAMILIAR = 0.2  # share of familiar driving below which the verdict is more and more `unknown`
 GROSS = 5.0  # times its scale on the day of calibration that a channel's median error may be, whatever is added
@@ -48,6 +50,7 @@ MEDIAN_OF_NORMAL = 0.6745  # of the absolute value, in standard deviations
 CERTAIN = 0.98  # probability of `unknown` then
 MOST_WINDOWS = 600  # of a day, evenly chosen
 LEAST_TIME = 5.0  # [s] of windows in all, below which scores are too few to be judged
+FAR = "errors far beyond the baseline's"  # the stage in which they are judged
 FAR_BEYOND = (
     "errors are far beyond normal: causes are judged by the errors that they remove at the shortest horizon, and "
     "may be what the calibration could not see instead of a change since"
@@ -92,21 +95,21 @@ def diagnose_change(
     names, more = seen_effects(runs, [name for name in normal.names if name in catalogue])
     tell("errors and their derivatives", 0.0)
     search = search_of(runs, vehicle, normal, own, names, case, workers)
+    noise = changed(normal.noise, search.day.runs)
+    how = constants, false_alarms, noise.log_evidence
     with counted(tell, vehicle.constants()) as shown:
         none, others = hypotheses_of(search, shown)
     tell("reduction of the gap", 0.8)
-    noise = changed(normal.noise, search.day.runs)
-    found, shrinks = ranked_hypotheses(search, none, others, constants, false_alarms, noise.log_evidence)
+    found, shrinks = ranked_hypotheses(search, none, others, *how)
     if found.verdict == UNKNOWN and not doubts and gross(search, none) > GROSS:
-        far = "errors far beyond the baseline's"
-        found, shrinks = judged_by_errors(search, constants, lambda share: tell(far, 0.8 + 0.1 * share))
+        found, shrinks = judged_by_errors(search, constants, lambda share: tell(FAR, 0.8 + 0.1 * share))
         warnings.append(FAR_BEYOND)
+    (none, others, found, shrinks), whole, said = judged_rest(search, Judged(none, others, found, shrinks), how, tell)
     tell("detection limits", 0.9)
     limits = detection_limits(search, search.curves)
-    h = found.leading
-    named = found.verdict == "effect"
-    left = left_over_of(search, found, shrinks, none)
-    warnings += [unseen_sentence(name, q) for name, q in h.additional.items() if named]
+    h, named = found.leading, found.verdict == "effect"
+    left = left_over_of(search, found, whole, none)
+    warnings += [*said, *(unseen_sentence(name, q) for name, q in h.additional.items() if named)]
     warnings += [left_over_sentence(left)] if left else []
     warnings += [*noise.sentences(), *remarks(search.day.constants, len(search.day.errors), MOST_WINDOWS)]
     causes = {name: interval(h, i) for i, name in enumerate(h.names)}
@@ -152,6 +155,12 @@ def left_over_of(search: Search, found: DayRanked, shrinks: Reduction, none: Hyp
     }
 
 
+def stretch_sentence(where: str, named: bool) -> str:
+    """That a few seconds hold most of a gap, and whether a cause is named without them."""
+    without = "the cause is judged without them" if named else "without them no cause is named either"
+    return f"most of the gap is in a few seconds, {where}: look at the logs there; {without}"
+
+
 def left_over_sentence(left: Mapping[str, Any]) -> str:
     """Where something is left that no catalogued effect explains, in words."""
     most = sorted(left["signals"], key=lambda name: -left["signals"][name])[:2]
@@ -160,6 +169,42 @@ def left_over_sentence(left: Mapping[str, Any]) -> str:
     like = f"; it acts like {left['like']}" if left["like"] else ""
     share = f"{100 * left['share']:.0f} % of the gap"
     return f"{share} is left that no catalogued effect explains, in {signals}{driving}{like}"
+
+
+class Judged(NamedTuple):
+    """Hypotheses of a search, and what was decided."""
+
+    none: Hypothesis
+    others: list[Hypothesis]
+    found: DayRanked
+    shrinks: Reduction
+
+
+def judged_rest(
+    search: Search, judged_all: Judged, how: tuple[PosteriorConstants, float, float | None], tell: Progress
+) -> tuple[Judged, Reduction, list[str]]:
+    """What a log holds without the few seconds that hold most of a gap, if a cause explains that.
+
+    Args:
+        judged_all: with those seconds; how: options of `ranked_hypotheses`.
+
+    Returns:
+        The hypotheses and what they decide; the share of the whole gap that this removes; warnings.
+    """
+    found = judged_all.found
+    odd = odd_blocks(search, found.leading) if found.verdict == UNKNOWN or found.something_else else np.zeros(0)
+    if not np.any(odd):
+        return judged_all, judged_all.shrinks, []
+    rest = without(search, odd)
+    none, others = hypotheses_of(rest, lambda _stage, share: tell("without a few seconds", share))
+    again, removed = ranked_hypotheses(rest, none, others, *how)
+    named = again.verdict == "effect" and not again.something_else
+    said = [stretch_sentence(stretches_in_words(search, odd), named)]
+    if not named:
+        return judged_all, judged_all.shrinks, said
+    besides = max(found.something_else, found.probabilities[UNKNOWN])
+    again = dataclasses.replace(again, something_else=besides)
+    return Judged(none, others, again, removed), reduction(search, again.leading, again.leading), said
 
 
 def hypotheses_of(search: Search, tell: Progress) -> tuple[Hypothesis, list[Hypothesis]]:

@@ -21,15 +21,10 @@ from drift_drake.gap.estimation.reduction import FOLDS, NOTHING_REMOVED, Reducti
 from drift_drake.gap.estimation.scores import Day
 from drift_drake.gap.estimation.windows import thinned
 from drift_drake.gap.evidence.constants import ELSE
-from drift_drake.gap.evidence.hypotheses import (
-    EXTENSIONS,
-    Hypothesis,
-    Search,
-    concluded,
-    effects_of,
-)
+from drift_drake.gap.evidence.hypotheses import Hypothesis, concluded, effects_of
 from drift_drake.gap.evidence.posterior import UNKNOWN, PosteriorConstants, hypothesis_name
 from drift_drake.gap.evidence.ranking import DayRanked, concluded_from, prior
+from drift_drake.gap.evidence.search import EXTENSIONS, Search
 
 FAR = 100.0  # mean square of a window, in scales, at which it counts half of what a diverged one does (Geman-McClure)
 PER_BLOCK = 4.0  # independent errors in a block of time

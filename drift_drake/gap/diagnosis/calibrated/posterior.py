@@ -21,8 +21,9 @@ from drift_drake.gap.estimation.prior import RELATIVE_TO_NONE, RELATIVE_TO_RIVAL
 from drift_drake.gap.estimation.problem import NUISANCES, PROCESS_NOISE
 from drift_drake.gap.estimation.windows import PREDICTED
 from drift_drake.gap.evidence.constants import OF_SCATTER, STANDS_FOR
-from drift_drake.gap.evidence.hypotheses import Curve, Hypothesis, Search, unusual
+from drift_drake.gap.evidence.hypotheses import Hypothesis, unusual
 from drift_drake.gap.evidence.posterior import PosteriorConstants, Ranked, hypothesis_name, log_prior
+from drift_drake.gap.evidence.search import Curve, Search
 
 WORTH = 4.0  # [s] of such a car's rows that are worth one independent measurement, between days
 PERIOD = 0.01  # [s] of a planned drive's rows

@@ -13,8 +13,9 @@ from drift_drake.gap.diagnosis.calibrated.diagnose_change import ChangeDiagnosis
 from drift_drake.gap.estimation.effort import is_slow
 from drift_drake.gap.estimation.unknowns import added
 from drift_drake.gap.estimation.windows import HORIZONS, WindowedRun, errors, thinned
-from drift_drake.gap.evidence.hypotheses import Curve, Search, effects_of
+from drift_drake.gap.evidence.hypotheses import effects_of
 from drift_drake.gap.evidence.posterior import hypothesis_name
+from drift_drake.gap.evidence.search import Curve, Search
 
 TRIED = "with the effect tried"  # name of its lines
 MOST = 150  # windows of a run

@@ -9,7 +9,7 @@ from drift_drake.car.effects.catalogue import CATALOGUE
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.gap.diagnosis.calibrated.posterior import detection_limits, distances
 from drift_drake.gap.estimation.prior import AGAINST_NONE, REACH, SURE, range_of
-from drift_drake.gap.evidence.hypotheses import Curve
+from drift_drake.gap.evidence.search import Curve
 
 RELATIVE_TO_NONE = SURE + np.sqrt(SURE**2 + 2.0 * AGAINST_NONE)
 FINE = 0.002  # relative spacing of the magnitudes that are tried

@@ -1,0 +1,51 @@
+"""A gap that a few seconds of the logs hold: a cause that acts throughout is judged without them.
+
+Where a wheel lifts, a car spins or a tyre bursts for a while, a few windows are farther off than any cause explains,
+and what acts in all of the driving is lost among them.
+"""
+
+import dataclasses
+
+import numpy as np
+
+from drift_drake.gap.diagnosis.calibrated.changed_car import changed_car
+from drift_drake.gap.estimation.scores import block_scores, make_day
+from drift_drake.gap.evidence.hypotheses import Hypothesis
+from drift_drake.gap.evidence.search import Search
+
+MOST = 0.2  # share of the blocks of time that a gap may be held by, to be one of a few seconds
+HELD = 0.7  # share of the gap that they hold then (a van whose wheel locks, and another car; validation)
+
+
+def odd_blocks(search: Search, h: Hypothesis) -> np.ndarray:
+    """Blocks [blocks] (bool) that hold nearly all of what a hypothesis leaves; none where more hold it."""
+    there = changed_car(search, h) if h.names else search
+    day, normal = there.day, there.normal
+    scores = block_scores(day, day.errors, normal.scales, normal.precision)
+    held = scores @ there.scatter.inverse @ there.scores({})
+    out = np.zeros(len(held), dtype=bool)
+    most = np.argsort(-held)[: int(MOST * len(held))]
+    if held[most].sum() >= HELD * held.sum() > 0.0:
+        out[most] = held[most] > np.mean(held)
+    return out
+
+
+def without(search: Search, odd: np.ndarray) -> Search:
+    """The search in the windows of the other blocks; odd: [blocks] (bool)."""
+    day, kept = search.day, ~odd[search.day.block]
+    starts = [run.starts[kept[day.run == k]] for k, run in enumerate(day.runs)]
+    runs = [dataclasses.replace(run, starts=np.ascontiguousarray(of_run))
+            for run, of_run in zip(day.runs, starts, strict=True) if len(of_run)]  # fmt: skip
+    normal = search.normal
+    rest = make_day(runs, day.constants, day.own, normal.names, normal.units, normal, search.threads)
+    return Search(rest, normal, search.vehicle, list(search.ranges), search.threads)
+
+
+def stretches_in_words(search: Search, odd: np.ndarray) -> str:
+    """Runs and times [s] of blocks, in words."""
+    day, out = search.day, []
+    for k, run in enumerate(day.runs):
+        times = run.starts[odd[day.block[day.run == k]]] * run.period
+        if len(times):
+            out.append(f"{run.name} between {times.min():.1f} and {times.max() + run.horizons[-1]:.1f} s")
+    return ", ".join(out)

@@ -1,0 +1,67 @@
+"""A few seconds that hold a gap: they are found, left out and reported, and the cause of the rest is named."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from drift_drake.gap.diagnosis.calibrated.one_stretch import MOST, odd_blocks, stretches_in_words, without
+
+FIRST, LAST = 2.0, 4.0  # [s] of a run
+
+
+@pytest.fixture(scope="module")
+def search(plain_day):
+    return plain_day.search
+
+
+@pytest.fixture(scope="module")
+def odd_search(search):
+    """Both speeds are off by far in two seconds of the first run."""
+    day = search.day
+    errors = day.errors.copy()
+    run = day.runs[0]
+    t = run.starts * run.period
+    errors[: len(t)][(t >= FIRST) & (t < LAST), :, 1::2] += 3.0
+    return search.on(dataclasses.replace(day, errors=errors))
+
+
+def test_seconds_that_hold_a_gap_are_found(odd_search):
+    odd = odd_blocks(odd_search, odd_search.none())
+    assert 1 <= np.count_nonzero(odd) <= MOST * len(odd)
+    assert set(odd_search.day.run[odd[odd_search.day.block]]) == {0}
+    words = stretches_in_words(odd_search, odd)
+    assert words.startswith(f"{odd_search.day.runs[0].name} between 2.")
+    assert "," not in words
+
+
+def test_what_acts_in_all_of_the_driving_is_not_of_a_few_seconds(late_day):
+    assert not np.any(odd_blocks(late_day.search, late_day.search.none()))
+
+
+def test_without_them_the_day_is_as_it_was(search, odd_search):
+    odd = odd_blocks(odd_search, odd_search.none())
+    rest = without(odd_search, odd)
+    kept = ~odd[odd_search.day.block]
+    np.testing.assert_allclose(rest.day.errors, search.day.errors[kept])
+    assert rest.none().nats < odd_search.none().nats
+    whole_run = odd_search.day.block[odd_search.day.run == 0]
+    gone = without(odd_search, np.isin(np.arange(odd_search.day.blocks), whole_run))
+    assert [run.name for run in gone.day.runs] == [run.name for run in odd_search.day.runs[1:]]
+
+
+def test_the_cause_of_the_rest_is_named_and_the_seconds_are_reported(other_car, diagnosed):
+    effect = {"torque_gain_error": -0.2}
+    first, *others = (
+        dataclasses.replace(run, name=f"run_{k}")
+        for k, run in enumerate([*other_car.day(effect, 1), *other_car.day(effect, 2)])
+    )
+    lost = first.t - first.t[0] >= 1.0  # commands that the logger did not get
+    commands = {name: np.where(lost, 0.0, getattr(first, name)) for name in ("delta_cmd", "tau_cmd")}
+    found = diagnosed([dataclasses.replace(first, **commands), *others], "lost")
+    assert found.answer.verdict == "effect"
+    assert found.answer.causes == ["torque_gain_error"]
+    (said,) = [w for w in found.answer.warnings if "in a few seconds" in w]
+    assert f"{first.name} between" in said
+    assert said.endswith("the cause is judged without them")
+    assert found.answer.details["left_over"]["probability"] > 0.5

@@ -79,7 +79,7 @@ docs-version: .venv/installed-all
 	PATH="$(abspath $(BIN)):$$PATH" mike deploy --update-aliases $(VERSION) latest  # which calls mkdocs by its name
 	PATH="$(abspath $(BIN)):$$PATH" mike set-default latest
 
-# Without figure_8, whose drives take hours.
+# Without figure_8, whose drives take half an hour of CPU.
 PICTURES := car_frames demo diagnosis drive_time_series effects_map framework gap layers loop predictions reliability replay report safe_stop still two_criteria
 
 pictures: .venv/installed-all

@@ -163,7 +163,7 @@ def main(config: ClosedLoopConfig, to: TextIO | None = None) -> dict[str, Any]:
         f"RMS e {m.rms_e:.3f} m, RMS sideslip error {m.rms_sideslip_error:.3f} rad\n"
         f"{m.solves} solves, {m.solver_failures} failed, {m.late_solves} late; {m.sqp_iterations:.2f} SQP iterations "
         f"each, {m.qp_fallbacks} QPs at a second attempt, {m.unsolved_qps} unsolved; {m.solve_ms_median:.1f} ms in the "
-        f"median, {m.solve_ms_99:.1f} ms in 99 of 100\n"
+        f"median, {m.solve_ms_99:.1f} ms at the 99th percentile\n"
         f"{m.faults()}{run.error and f'error: {run.error}' + chr(10)}results in {folder}",
         file=to,
     )

@@ -3,7 +3,7 @@
     python -m experiments.pictures effects_map --out docs/effects_map.png
 
 Each takes some seconds, and the first one of a machine the compilation too; demo, replay and report, which a headless
-Chromium photographs, a minute or two; still some minutes; figure_8 hours.
+Chromium photographs, a minute or two; still some minutes; figure_8 half an hour of CPU.
 """
 
 import dataclasses

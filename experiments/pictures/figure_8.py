@@ -22,7 +22,7 @@ def draw(source: Path | None = None) -> Figure:
 
     Args:
         source: a folder of `experiments.drifting.figure_8` with these models; without, the drives that
-            `runs/figure_8_picture` lacks are made, which takes hours.
+            `runs/figure_8_picture` lacks are made, which takes half an hour of CPU.
     """
     if source is None:
         figure_8.main(ModelsConfig(vehicle_seed=HELD_OUT, vehicles=24, noise_seeds=1, models=MODELS, out=FOLDER))

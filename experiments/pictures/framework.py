@@ -9,7 +9,7 @@ from experiments.pictures.look import BLUE, GREEN, ORANGE, PINK, SMALL, WIDTH, Y
 
 CHAIN = (  # what is done, by what, what is handed on, the colour of the box
     ("meta-training, offline", "many cars' drives: features φ, prior of θ", "prior", INK),
-    ("Info-OCP", "plans 4.5 s along a lane, to tell most of θ", "plan", ORANGE),
+    ("Info-OCP", "plans 4.5 s along a lane, most informative of θ", "plan", ORANGE),
     ("informative drive", "tracking controller on the true car", "log at 10 Hz", BLUE),
     ("Bayesian regression", "updates θ and its covariance", "Twice-Info", PINK),
     ("OCP, 100 times a second", "plans the drift with the mean of θ", "command", YELLOW),

@@ -22,7 +22,7 @@ SMALLEST = 10.5  # [px] height of a letter's line on a page of 390 px
 def test_all_of_them_are_drawn_by_make_and_kept() -> None:
     made = next(line for line in (ROOT / "Makefile").read_text().splitlines() if line.startswith("PICTURES := "))
     modules = {path.stem for path in (ROOT / "experiments" / "pictures").glob("[a-z]*.py")} - HELPERS
-    assert {*made.split()[2:], "figure_8"} == set(NAMES) == modules  # figure_8's drives take hours
+    assert {*made.split()[2:], "figure_8"} == set(NAMES) == modules  # figure_8's drives take half an hour
     assert all((ROOT / "docs" / f"{name}.png").is_file() for name in NAMES)
     assert (ROOT / "docs" / "diagnosis.gif").is_file()
 

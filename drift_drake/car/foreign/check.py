@@ -238,9 +238,11 @@ def _steps(trial: _Trial) -> list[Finding]:
     """Whether half the step gives the same motion."""
     inputs = {"steering": 1.5 * trial.steering, "torque": trial.torque}
     whole, half = trial.roll(inputs), trial.roll(inputs, parts=2)
+    step = ROW / trial.simulator.steps_in(ROW)
+    if not np.isfinite(half).any():
+        return [Finding("doubtful", f"half the step of {1e3 * step:g} ms fails: {cost_of(trial.simulator).why}")]
     size = np.nanmax(np.abs(whole - whole[:1]), axis=0) + 1e-6
     apart = float(np.nanmax(np.nanmax(np.abs(whole - half), axis=0) / size))
-    step = ROW / trial.simulator.steps_in(ROW)
     if not apart < COARSE:
         return [Finding("wrong", f"half the step of {1e3 * step:g} ms changes the motion by {100 * apart:.2g} %: it is "
                         f"too long; give step: {0.25 * step:g}, or let the simulator take smaller ones")]  # fmt: skip

@@ -78,6 +78,12 @@ def coarse(start, inputs, dt, parameters):
     return simulate(start, inputs, dt, parameters | {"cf": 4e5, "cr": 4e5}, steps=1, euler=True)
 
 
+def one_step(start, inputs, dt, parameters):
+    if dt < 0.009:
+        raise ValueError("made for 10 ms alone")
+    return simulate(start, inputs, dt, parameters)
+
+
 def late(start, inputs, dt, parameters):
     found = simulate(start, inputs, dt, parameters)
     return found | {"psi": np.concatenate([np.zeros((len(found["psi"]), 4)), found["psi"][:, :-4]], axis=1)}

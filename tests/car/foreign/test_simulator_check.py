@@ -48,6 +48,7 @@ MISTAKES = {
     "no gear ratio": ("simulate", {"inputs": INPUTS | {"torque": "torque"}}, r"torque moves v by 0\.1\d* times"),
     "cannot be set": ("starts_at_rest", {}, r"r cannot be set: its start value changes nothing; .* lead_in: 0\.3"),
     "step": ("coarse", {}, r"half the step of 10 ms changes the motion by .*: it is too long; give step: 0\.0025"),
+    "one step": ("one_step", {}, r"half the step of 10 ms fails: .*made for 10 ms alone"),
     "lag": ("late", {}, r"output psi comes 40 ms later than r: it lags"),
     "after the step": ("after_the_step", {}, r"output shows its start value|v shows its start value 1 rows late"),
     "random": ("random", {}, r"the same roll-out came out different .*: it draws random numbers, or keeps state"),

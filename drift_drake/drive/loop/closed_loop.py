@@ -213,7 +213,7 @@ class ClosedLoop:
         """(the supervisor, the plan that it hands on)."""
         if control.patience == 0.0:
             return None, plan
-        stop = SafeStop(self.parameters, self.reference.path, control.horizon, control.patience, control.period)
+        stop = SafeStop(self.parameters, self.reference, control.horizon, control.patience, control.period)
         builder.AddNamedSystem("safe_stop", stop)
         builder.Connect(plan, stop.GetInputPort("plan"))
         builder.Connect(state, stop.GetInputPort("state"))

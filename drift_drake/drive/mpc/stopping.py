@@ -3,7 +3,7 @@
 The yaw rate wanted is that of the course along the path plus one that unwinds the sideslip slowly, since a car that
 slides sheds speed and one that straightens at once leaves a tight bend. The front tyre is asked for the force that
 gives it, about what the rear tyre does by the nominal model (computed force), and the engine for its drag, or for the
-torque that keeps a pace.
+torque that keeps a pace. A car whose slide ends on its lane is not taken out of it: that stop is shorter (`sliding`).
 """
 
 import numpy as np
@@ -15,7 +15,8 @@ from drift_drake.car.tyre import tyre_force
 from drift_drake.common.arrays import Array
 from drift_drake.common.updates import declare_output, declare_update
 from drift_drake.drive.mpc.plan import Plan, plan_size
-from drift_drake.drive.reference.path import Path
+from drift_drake.drive.mpc.sliding import SlidingStop
+from drift_drake.drive.reference.trajectory import Reference
 
 UNWINDING = 1.0  # [1/s] of the sideslip
 YAW_DAMPING = 8.0  # [1/s]
@@ -86,10 +87,12 @@ class SafeStop(LeafSystem):
     """
 
     def __init__(
-        self, parameters: VehicleParameters, path: Path, steps: int, patience: float = 0.5, period: float = 0.01
-    ) -> None:
+        self, parameters: VehicleParameters, reference: Reference, steps: int, patience: float = 0.5,
+        period: float = 0.01,
+    ) -> None:  # fmt: skip
         LeafSystem.__init__(self)
-        self._parameters, self._path, self._steps = parameters, path, steps
+        self._parameters, self._path, self._steps = parameters, reference.path, steps
+        self._sliding = SlidingStop(parameters, reference.path, reference.lane, FASTEST)
         self._patience, self._period = patience, period
         self._plan = self.DeclareVectorInputPort("plan", plan_size(steps))
         self._age = self.DeclareVectorInputPort("plan_age", 1)
@@ -107,9 +110,10 @@ class SafeStop(LeafSystem):
     def _supervised(self, context: Context) -> Array:
         if not self.stopping(context):
             return self._plan.Eval(context)
-        x = self._state.Eval(context)
-        wanted = stopping_command(x[:6], self._path.curvature(float(x[6])), self._parameters)
-        last = self._command.Eval(context)
+        x, last = self._state.Eval(context), self._command.Eval(context)
+        wanted = self._sliding.command(x, last)
+        if wanted is None:
+            wanted = stopping_command(x[:6], self._path.curvature(float(x[6])), self._parameters)
         return stopping_plan(context.get_time(), last, wanted, self._steps, self._period).vector()
 
     def _update(self, context: Context, discrete: DiscreteValues) -> None:

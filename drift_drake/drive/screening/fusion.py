@@ -17,6 +17,7 @@ from drift_drake.common.arrays import Array
 Mask = NDArray[np.bool_]
 SIZE = len(MEASURED_STATE)
 FORCES = 4  # of (r, v, beta, omega_r): the states that forces act on
+SIDESLIP, COURSE = (MEASURED_STATE.index(name) for name in ("beta", "dphi"))  # a force across turns both alike
 CORRELATED = 0.2  # [s] over which forces that are not modelled stay the same
 LEARNING = 0.3  # [s] of good readings that say what the model gets wrong
 FORGETTING = 1.0  # [s] for which that holds once readings are not good
@@ -68,6 +69,7 @@ def predicted(x: Array, before: Fused, jacobian: Array, rates: Array, period: fl
     """
     moved = x.copy()
     moved[:FORCES] += period * before.lacking
+    moved[COURSE] += period * before.lacking[SIDESLIP]
     covariance = jacobian @ before.covariance @ jacobian.T + np.diag(rates**2 * period * max(CORRELATED, period))
     return moved, Fused(covariance, before.lacking * math.exp(-period / FORGETTING))
 

@@ -25,7 +25,8 @@ def test_a_drifting_car_is_brought_to_a_stop_on_its_lane(short: Reference, fault
     assert abs(run.table["beta"].iloc[0]) > 0.5  # from a drift
     low, high = short.lane(run.table["s"].to_numpy())
     assert ((low <= run.table["e"]) & (run.table["e"] <= high)).all()
-    assert run.table["v"].iloc[-1] < slowest(PARAMETERS) + FAST.period  # the last row is before the end
+    most = PARAMETERS.friction * PARAMETERS.gravity * FAST.period  # that tyres brake by in a period
+    assert run.table["v"].iloc[-1] < slowest(PARAMETERS) + most  # the last row is before the end
 
 
 def test_a_short_fault_stops_nothing(short: Reference) -> None:

@@ -57,6 +57,16 @@ def test_what_the_model_lacks_is_carried_on_where_nothing_is_read() -> None:
     assert error < np.linalg.norm((blind - states)[-1, :4] / [0.1, 1.0, 0.1, 1.0])
 
 
+def test_a_force_across_that_is_not_modelled_turns_course_and_sideslip_alike() -> None:
+    lacking = np.array([0.0, 0.0, -0.2, 0.0])
+    before = Fused.after_good(np.ones(7))._replace(lacking=lacking)
+    moved, _ = predicted(START, before, np.eye(7), np.ones(7), PERIOD)
+    change = dict(zip(MEASURED_STATE, moved - START, strict=True))
+    assert change["beta"] == pytest.approx(-0.2 * PERIOD)
+    assert change["dphi"] == pytest.approx(change["beta"])
+    assert change["r"] == change["e"] == change["s"] == 0.0
+
+
 def test_the_jacobian_is_that_of_the_prediction() -> None:
     model = Innovation(CAR, LANE.path, NoiseLevels(), PERIOD)
     _, jacobian = model.linearize(START, COMMAND, COMMAND)

@@ -19,6 +19,15 @@ def test_clocks_of_every_kind(tmp_path, clock):
     assert not recording.remarks
 
 
+@pytest.mark.parametrize("name", ["Elapsed", "Lap"])
+def test_times_as_text_are_a_clock_whatever_their_name(tmp_path, name):
+    text = table(columns(NAMES["english"], ("deg/s", "km/h", "g", "deg"), sorted(CLOCKS)[0])).split("\n")
+    clock = [name, *(f"{int(t // 60):02d}:{t % 60:06.3f}" for t in drive()["t"])]
+    rows = [",".join([at, *line.split(",")[1:]]) for at, line in zip(clock, text, strict=False) if line]
+    (tmp_path / "drive.csv").write_text("\n".join([*rows, ""]))
+    assert_the_drive(tmp_path / "drive.csv")
+
+
 def blanks(offsets, blank=""):
     """Each signal in rows of its own, some milliseconds after the first."""
     exact = drive()

@@ -49,7 +49,8 @@ def numbers_of_column(topic: Topic, column: str) -> Array:
 
 
 def clock_of(topic: Topic) -> str | None:
-    """The column of times: as the format says, or a name of a clock, and (nearly) never backwards."""
+    """The column of times: as the format says, or a name of a clock, and (nearly) never backwards; without such a name,
+    the one column in a unit of time that always advances."""
     if topic.clock:
         return topic.clock
     if topic.name and topic.name in topic.table:  # of `by_clock`
@@ -62,7 +63,15 @@ def clock_of(topic: Topic) -> str | None:
         rank = fits[0] + 1.5 * slow + 0.5 * column.endswith("log_time")
         if best is None or rank < best[0]:
             best = rank, column
-    return None if best is None else best[1]
+    if best is not None:
+        return best[1]
+    stated = [c for c in map(str, topic.table.columns) if topic.units.get(c) in STEPS and _always_advances(topic, c)]
+    return stated[0] if len(stated) == 1 else None
+
+
+def _always_advances(topic: Topic, column: str) -> bool:
+    values = topic.table[column]
+    return is_numeric_dtype(values) and len(values) > 1 and bool(np.all(np.diff(seconds(topic, column)) > 0.0))
 
 
 def _advances(topic: Topic, column: str) -> bool | None:

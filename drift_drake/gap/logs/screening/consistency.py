@@ -14,7 +14,7 @@ from drift_drake.car.effects.record import wheelbase
 from drift_drake.car.log.table import COLUMNS, Run
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.gap.logs.screening.averaging import Columns
-from drift_drake.gap.logs.screening.dead import dead_columns
+from drift_drake.gap.logs.screening.dead import dead_columns, set_speed
 from drift_drake.gap.logs.screening.kinematics import Kinematics, motion_of_columns
 from drift_drake.gap.logs.screening.misnamed import (
     magnitudes,
@@ -31,6 +31,8 @@ from drift_drake.gap.logs.screening.suspicions import Suspicion, contradictions
 from drift_drake.gap.logs.screening.unit_mistakes import mistakes
 
 ASKED = ("r", "psi", "v", "beta", "omega_r", "ax", "ay", "delta_cmd")  # columns that others could check
+SCALED = ("r", "v")  # whose scale other columns tell to a few per cent, if a log is long enough
+FACTOR = 2.0  # that a scale is off by where relations of short logs leave it open
 SWAPPED = {"ax": ("ax", "ay"), "r": ("r", "psi")}  # by the column that a doubt names
 
 
@@ -99,11 +101,15 @@ def consistency(
     m = motion_of_columns(right, periods)
     without = [column for column in {*bad, *(doubt.column for doubt in wrong)} if column is not None]
     doubts += _fine(right, periods, m, vehicle, length, without)
+    constant = set_speed(right, m)
+    doubts += [Suspicion(constant, "v", None, constant)] if constant else []
     steer = next((at.size for at in held if at.name == "steer"), 1.0)
     undecided = () if not len(m.r) or {"v", "r"} & set(without) else undecided_arm(m, length)
     if len(m.r) and not {"v", "omega_r"} & set(without):
         undecided = [*undecided_speeds(m), *undecided]
-    unchecked = _unchecked(m, held, derived, without, right)
+    unchecked, coarse = _unchecked(m, held, derived, without, right)
+    if coarse:
+        undecided = [*undecided, f"whether the scale of {' and '.join(coarse)} is right within a factor of {FACTOR:g}"]
     return Consistency(doubts, unchecked, right, windows, steer, undecided=tuple(undecided))
 
 
@@ -167,10 +173,17 @@ def _fine(
 
 def _unchecked(
     m: Kinematics, held: Sequence[Relation], derived: Sequence[str], without: Sequence[str], runs: Sequence[Columns]
-) -> tuple[str, ...]:
-    """Columns that are in no relation that these logs could tell, but those in doubt."""
-    found = [set(at.powers) for at in agreements(m)] if len(m.r) else []
+) -> tuple[tuple[str, ...], list[str]]:
+    """Columns that are in no relation that these logs could tell, but those in doubt; and those of `SCALED` that are
+    only in one that tells their scale roughly."""
+    exact = [set(at.powers) for at in agreements(m)] if len(m.r) else []
     # Of steering, with an understeer that is not known, hardly more than the sign is known.
-    found += [set(at.kind.mirrors) | (set() if at.name == "steer" else set(at.kind.powers)) for at in held]
-    derivable = set().union(*(names for names in found if not names <= {*derived, "t"}), without)
-    return tuple(name for name in ASKED if name in runs[0] and name not in derivable)
+    rough = [set() if at.name == "steer" else set(at.kind.powers) for at in held]
+    signs = [set(at.kind.mirrors) for at in held]
+
+    def named(found: Sequence[set[str]]) -> set[str]:
+        return set().union(*(names for names in found if not names <= {*derived, "t"}))
+
+    known = named([*exact, *(a | b for a, b in zip(rough, signs, strict=True))]) | set(without)
+    unchecked = tuple(name for name in ASKED if name in runs[0] and name not in known)
+    return unchecked, [name for name in SCALED if name in named(rough) - named(exact) - set(without)]

@@ -53,6 +53,17 @@ def dead_columns(runs: Sequence[Columns], periods: Sequence[float]) -> dict[str,
     return found
 
 
+def set_speed(runs: Sequence[Columns], m: Kinematics) -> str:
+    """A sentence where the speed is one value through all runs of a car that turns: turns alone shed speed."""
+    if not all(_constant(columns["v"]) for columns in runs) or _spread(m.r) <= SEEN:
+        return ""
+    speed = float(np.asarray(runs[0]["v"])[0])
+    return (
+        f"column v is {speed:.3g} m/s in all rows: a set speed rather than a measured one? Map the "
+        "column that measures it, if there is one"
+    )
+
+
 def _constant(values: np.ndarray | None) -> bool:
     return values is None or bool(np.ptp(values) <= CONSTANT * max(1.0, float(np.max(np.abs(values)))))
 

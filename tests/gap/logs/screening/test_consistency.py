@@ -41,6 +41,18 @@ def test_a_good_log_gets_no_sentence(changes, seed):
     assert said(run.without("x", "y", "psi"), car=car) == []
 
 
+def test_a_speed_that_never_changes_is_no_measured_one(log):
+    constant = dataclasses.replace(log, v=np.full(len(log.t), 14.0)).without("x", "y", "omega_r", "ax", "ay", "beta")
+    (sentence,) = said(constant)
+    assert sentence.startswith("column v is 14 m/s in all rows: a set speed")
+
+
+def test_short_logs_say_how_closely_they_tell_a_scale():
+    short, long = (consistency_of([kinematic_log(seconds)], CAR).undecided for seconds in (5.0, 60.0))
+    assert "whether the scale of r and v is right within a factor of 2" in short
+    assert not any("scale" in clause for clause in long)
+
+
 @pytest.mark.parametrize("seed", [3, pytest.param(4, marks=pytest.mark.slow)])
 def test_smoothed_signals_get_no_sentence(seed):
     b, a = butter(2, 8.0 / 50.0)

@@ -24,7 +24,7 @@ ROOT = Path(__file__).parents[1]
 RESULTS = "experiments/results"
 NOTEBOOK = (RESULTS, "docs/api.md", "docs/contributing.md", "CHANGELOG.md", "CONTRIBUTING.md")  # not for users
 COINAGES = re.compile(
-    r"\b(?:beside|(?:un)?told|another day(?:'s)?|what is normal|row weight|deaf(?:ness)?|everyday misfit"
+    r"\b(?:beside|(?:un)?told|another day(?:'s)?|what is normal|row (?:weight|is worth)|deaf(?:ness)?|everyday misfit"
     r"|misfit of every day|(?:actuators'|car's|commands'|effects'|own) memory|(?<!\.)push(?:es)?|(?<!make )rooms?"
     r"|opened once|wide vehicles?|mend(?:s|ed|ing)?|one thing more|something else (?:than|too))\b",
     re.IGNORECASE,

@@ -117,7 +117,7 @@ def summary(found: "Identification", json: Path | None = None) -> str:
     scales = f"--noise-scale {c.trust.noise:.2g} --process-scale {c.trust.process:.2g} --tempering {c.tempering:.2g}"
     lines.append(f"For 'drift-drake diagnose' on this car: {scales}")
     if c.discrepancy is not None:
-        lines.append(f"or, so that a row is worth {c.discrepancy.tempering:.2g} with its model discrepancy: "
+        lines.append(f"or, with its model discrepancy and a tempering exponent of {c.discrepancy.tempering:.2g}: "
                      f"--calibration {where}")  # fmt: skip
     return "\n".join([*lines, *(f"  warning: {warning}" for warning in c.warnings)])
 

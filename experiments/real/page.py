@@ -54,7 +54,7 @@ def worth(found: dict[str, Any]) -> str:
     """What one row of this car's logs is worth."""
     discrepancy = found["discrepancy"]
     with_forces = f", {discrepancy['tempering']:.2g} with the model discrepancy" if discrepancy else ""
-    return f"a row is worth {found['tempering']:.2g}{with_forces}"
+    return f"the likelihood tempering exponent is {found['tempering']:.2g}{with_forces}"
 
 
 def error_table(found: dict[str, Any]) -> str:

@@ -51,9 +51,9 @@ def diagnose(
         vehicle: vehicle file's path, parameters, or (parameters, effects): what the simulator believes of the car;
         calibration: what `identify` found of this car (its JSON's path, or the object), so that the baseline of the
             car is no gap; case: name in the answer; catalogue: names of the effects to consider;
-        without: columns to leave out; every: rows of the logs that make one here;
-        process_scale, noise_scale: factors on process and sensor noise [-]; tempering: what a row is worth [-], in
-            (0, 1]; these three are part of a calibration;
+        without: columns to leave out; every: 2 takes every second row of the logs;
+        process_scale, noise_scale: factors on process and sensor noise [-]; tempering: the likelihood's exponent [-],
+            in (0, 1]; these three are part of a calibration;
         false_alarms: relative to a calibration by prediction, how often a day without a change may be said to have a
             gap [-] (0.001 to 0.2; 0.05 if it is not given);
         most_seconds: of logs that are looked at [s]; a calibration by prediction has a limit of its own;

@@ -188,8 +188,9 @@ def applied(problem: Problem, discrepancy: ModelDiscrepancy) -> tuple[Problem, l
     if after < before:
         return taken_out, []
     return problem, [
-        f"the calibration's model-mismatch forces do not carry over to these logs (mean square innovation {after:.3g} "
-        f"with them, {before:.3g} without): they are left out, and a row is worth {problem.tempering:.2g}"
+        f"the forces of the calibration's model discrepancy do not carry over to these logs (mean square innovation "
+        f"{after:.3g} with them, {before:.3g} without): they are left out, and the likelihood tempering exponent is "
+        f"{problem.tempering:.2g}"
     ]
 
 

@@ -151,7 +151,7 @@ def make_problem(
     `process_scale` multiplies the process noise: above one for cars that no single-track model follows closely.
     `noise_scale` multiplies the sensors' noise: above one where it is not white. `stated` are levels of channels that
     are known otherwise (an import's); the larger of the two counts. `own` are effects of the vehicle file. `tempering`
-    is what one row is worth: below one where innovations hang together, as `identify` finds it.
+    is the likelihood's exponent: below one where innovations hang together, as `identify` finds it.
     """
     data = [prepare_run(run) for run in runs]
     process = (PROCESS_NOISE * process_scale) ** 2

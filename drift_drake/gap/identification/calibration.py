@@ -75,7 +75,7 @@ class Calibration:
     left_out: list[str]  # effects that cannot be distinguished from zero, and that the vehicle file therefore lacks
     held_out: HeldOut
     trust: Trust  # for `drift-drake diagnose --noise-scale --process-scale` on this car's logs
-    tempering: float  # and for `--tempering`: what one row is worth, in (0, 1]
+    tempering: float  # and for `--tempering`: the likelihood tempering exponent, in (0, 1]
     discrepancy: ModelDiscrepancy | None  # and what `--calibration` takes out before, where that raises the exponent
     seconds: float
     warnings: list[str]

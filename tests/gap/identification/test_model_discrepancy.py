@@ -1,4 +1,4 @@
-"""What one row is worth, and the forces that a calibrated car lacks."""
+"""The likelihood tempering exponent, and the forces that a calibrated car lacks."""
 
 import dataclasses
 import weakref

@@ -46,7 +46,7 @@ class Sensing:
     noise: np.ndarray  # [9] standard deviations, in the order of `filter_state.CHANNELS`
     used: np.ndarray  # [9] bool
     process: np.ndarray  # [9] variances a second of the first nine filter states
-    tempering: float = 1.0  # what one of their rows is worth
+    tempering: float = 1.0  # exponent of their likelihood
     own: Effects = dataclasses.field(default_factory=Effects)  # of the vehicle file; magnitudes add to them
 
 

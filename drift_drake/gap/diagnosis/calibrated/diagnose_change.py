@@ -104,7 +104,7 @@ def diagnose_change(
     if found.verdict == UNKNOWN and not doubts and gross(search, none) > GROSS:
         found, shrinks = judged_by_errors(search, constants, lambda share: tell(FAR, 0.8 + 0.1 * share))
         warnings.append(FAR_BEYOND)
-    (none, others, found, shrinks), whole, said = judged_rest(search, Judged(none, others, found, shrinks), how, tell)
+    (none, others, found, shrinks), whole, said = judged_rest(search, Decided(none, others, found, shrinks), how, tell)
     tell("detection limits", 0.9)
     limits = detection_limits(search, search.curves)
     h, named = found.leading, found.verdict == "effect"
@@ -171,7 +171,7 @@ def left_over_sentence(left: Mapping[str, Any]) -> str:
     return f"{share} is left that no catalogued effect explains, in {signals}{driving}{like}"
 
 
-class Judged(NamedTuple):
+class Decided(NamedTuple):
     """Hypotheses of a search, and what was decided."""
 
     none: Hypothesis
@@ -181,8 +181,8 @@ class Judged(NamedTuple):
 
 
 def judged_rest(
-    search: Search, judged_all: Judged, how: tuple[PosteriorConstants, float, float | None], tell: Progress
-) -> tuple[Judged, Reduction, list[str]]:
+    search: Search, judged_all: Decided, how: tuple[PosteriorConstants, float, float | None], tell: Progress
+) -> tuple[Decided, Reduction, list[str]]:
     """What a log holds without the few seconds that hold most of a gap, if a cause explains that.
 
     Args:
@@ -204,7 +204,7 @@ def judged_rest(
         return judged_all, judged_all.shrinks, said
     besides = max(found.something_else, found.probabilities[UNKNOWN])
     again = dataclasses.replace(again, something_else=besides)
-    return Judged(none, others, again, removed), reduction(search, again.leading, again.leading), said
+    return Decided(none, others, again, removed), reduction(search, again.leading, again.leading), said
 
 
 def hypotheses_of(search: Search, tell: Progress) -> tuple[Hypothesis, list[Hypothesis]]:

@@ -107,6 +107,8 @@ def test_a_failed_run_is_placed_by_the_transitions(tmp_path: Path) -> None:
     assert list(read_runs(tmp_path / "runs.csv", "figure_8")["past_first"]) == [False, True, True, True]
     said = tables.failures(dict.fromkeys(KINDS, Evidence(runs, claims.NONE, claims.NONE)))
     assert "| Once-OCP | 3 of 4 | before transition 2: completed, 1; in transition 1: completed, 1;" in said
+    well = Evidence(runs_of("once_ocp", [0.1] * 4), claims.NONE, claims.NONE)
+    assert "| Once-OCP | 0 of 4 | - |" in tables.failures(dict.fromkeys(KINDS, well))
 
 
 def test_parts_are_in_the_papers_order_under_the_recipe_and_as_shipped(tmp_path: Path) -> None:

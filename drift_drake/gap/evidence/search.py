@@ -248,9 +248,10 @@ class Curve:
 
     def hypothesis(self, search: Search, magnitude: float | None = None) -> Hypothesis:
         """The single effect at its most likely magnitude, or at another; its variance from the scores' slope there."""
-        q, nats = self.best(search)
         at = np.array(self.magnitudes)
-        if magnitude is not None:
+        if magnitude is None:
+            q, nats = self.best(search)
+        else:
             there = np.array([np.interp(magnitude, at, s) for s in np.transpose(self.scores)])
             q, nats = magnitude, float(search.nats(there))
         i = int(np.clip(np.searchsorted(at, q), 1, len(at) - 1))

@@ -192,8 +192,8 @@ def judged_rest(
         The hypotheses and what they decide; the share of the whole gap that this removes; warnings.
     """
     found = judged_all.found
-    odd = odd_blocks(search, found.leading) if found.verdict == UNKNOWN or found.something_else else np.zeros(0)
-    if not np.any(odd):
+    left = found.verdict == UNKNOWN or found.something_else > 0.0
+    if not left or not np.any(odd := odd_blocks(search, found.leading)):
         return judged_all, judged_all.shrinks, []
     rest = without(search, odd)
     none, others = hypotheses_of(rest, lambda _stage, share: tell("without a few seconds", share))

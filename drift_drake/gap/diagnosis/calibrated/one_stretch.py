@@ -14,7 +14,7 @@ from drift_drake.gap.evidence.hypotheses import Hypothesis
 from drift_drake.gap.evidence.search import Search
 
 MOST = 0.2  # share of the blocks of time that a gap may be held by, to be one of a few seconds
-HELD = 0.7  # share of the gap that they hold then (a van whose wheel locks, and another car; validation)
+HELD = 0.7  # share of the gap that they hold then; both were set on a van whose wheel locks (validation)
 
 
 def odd_blocks(search: Search, h: Hypothesis) -> np.ndarray:

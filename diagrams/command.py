@@ -7,6 +7,7 @@ import contextlib
 import dataclasses
 import sys
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any, NoReturn
 
 from drift_drake.common.interruption import ended_at_once, leave_ends_to_the_system
@@ -28,6 +29,7 @@ def run_command(main: Callable[..., object], options: Any = None, description: s
     import tyro
 
     from drift_drake.common.interruption import ended_well
+    from drift_drake.common.safe_files import alone_in
 
     def run() -> int:
         if options is None:
@@ -35,7 +37,9 @@ def run_command(main: Callable[..., object], options: Any = None, description: s
         else:
             config = tyro.cli(options, description=description)
             check_whole_numbers(config)
-            main(config)
+            folder = run_folder_of(config)
+            with contextlib.nullcontext() if folder is None else alone_in(folder):
+                main(config)
         return 0
 
     _importing.close()
@@ -43,6 +47,12 @@ def run_command(main: Callable[..., object], options: Any = None, description: s
     code = ended_well(run, f"{NAME}: ", kept)
     leave_ends_to_the_system()
     sys.exit(code)
+
+
+def run_folder_of(config: Any) -> Path | None:
+    """The run folder that options name, an `--out` that may be left out; None where they name none, or a picture."""
+    may_be_left_out = any(field.name == "out" and field.default is None for field in dataclasses.fields(config))
+    return config.out if may_be_left_out and config.out is not None and not config.out.suffix else None
 
 
 def check_whole_numbers(config: Any) -> None:

@@ -14,11 +14,13 @@ MEANT = {
     "r": "yaw_rate|YawRate|yawrate|imu.angular_velocity.z|gyro_z|GyroZ|gyro[2]|GyrZ|wz|ang_vel_z|psi_dot|YawRt"
     "|Gyro Yaw Velocity"
     "|z_rate_of_rotation|GPS Yaw Rate|nYawRate|Gierrate|Giergeschwindigkeit|Drehrate z|vitesse de lacet|taux de lacet"
+    "|ESP_Gierrate|yawr_dps|/odom/twist/twist/angular/z|/velocity_status/heading_rate|Girhastighet"
     "|yaw [deg/s]|yaw_rate_deg_s|gyro_z_mdps|velocidad de guiñada|r",
     "v": "speed|VehSpeed|vehicle_speed|VehSpd|Ground Speed|GPS Speed (km/h)|Speed (m/s) *gps|vCar|v|v [km/h]|speed_mph"
     "|SpeedKmh|speedkmh|Speed (kts)|v_knots|Geschwindigkeit|Fahrzeuggeschwindigkeit|v_Fzg|vitesse véhicule|vitesse"
-    "|drive.drive.speed|speed_2d|vehicle_status.speed|Vitesse [nœuds]|velocity kmh|speed_over_ground|Speed (GPS)",
-    "vx": "vx|vel_x|v_x|twist.linear.x|velocity[0]|velocity.x|vx_mps",
+    "|drive.drive.speed|speed_2d|vehicle_status.speed|ESP_v_Signal|Hastighet (km/h)|snelheid|/control/speed"
+    "|Vitesse [nœuds]|velocity kmh|speed_over_ground|Speed (GPS)",
+    "vx": "vx|vel_x|v_x|twist.linear.x|VelForward (m/s)|/odom/twist/twist/linear/x|velocity[0]|velocity.x|vx_mps",
     "vy": "vy|twist.linear.y|velocity[1]|v_lat",
     "ax": "ax|acc_x|linear_acceleration.x|accel[0]|InlineAcc|GPS LonAcc|GForceX|Längsbeschleunigung|LaengsBeschl",
     "ay": "ay|acc_y [g]|AccY|LatAcc|G Force Lat|gLat|lateral_acc|Lateral G|lat_g|Querbeschl.|Querbeschleunigung"
@@ -26,7 +28,7 @@ MEANT = {
     "delta_cmd": "steering_angle|SteerAng|Steered Angle|road_wheel [rad]|delta|delta_f|steering"
     "|Steering Wheel Angle|SWA"
     "|ángulo del volante|angolo del volante [°]|Lenkradwinkel|Lenkwinkel|angle volant|Angle de braquage"
-    "|steering_angle_cmd|StrWhlAng|Steering Pos",
+    "|steering_angle_cmd|LWI_Lenkradwinkel|steering_tire_angle|StrWhlAng|Steering Pos",
     "omega_r": "wheel_speed_rl|wheelspeedrr|WheelSpdRR|ws_rl|omega_r|rear_wheel_speed|Raddrehzahl hinten links"
     "|Radgeschwindigkeit HL|vitesse roue AR gauche|wheel_rpm_rl|wheel rr (km/h)|Wheel Speed LR",
     "psi": "psi|heading|yaw|yaw_angle|orientation.yaw|Gierwinkel|cap|psi_deg",
@@ -47,7 +49,7 @@ NONE = [  # names of no quantity of the log
     "wheel_speed_fl", "WheelSpeedFR", "front_wheel_speed", "Raddrehzahl vorne links", "vitesse roue AV gauche",
     "ws_fr", "slip_angle_front", "brake_torque", "engine_torque_limit", "orientation.x", "mag.x",
     "angular_acceleration.y", "heading_accuracy", "speed_time", "vel_n", "counter", "gear",
-    "airspeed",
+    "airspeed", "LWI_Lenkradw_Geschw", "/control/lateral/steering_tire_rotation_rate",
 ]  # fmt: skip
 
 
@@ -159,3 +161,25 @@ def test_a_column_of_signs_is_no_yaw_rate(flags):
     assert content["signals"]["r"]["column"] == "yaw_rate_2"
     assert fit("r", "yaw_rate_sign") is None
     assert fit("r", "Gierrate Vorzeichen") is None
+
+
+def test_a_tyre_and_a_unit_in_radians_are_no_steering_wheel():
+    assert not is_handwheel("steering_tire_angle")
+    assert not is_handwheel("drive_steering_angle_rad")
+    assert is_handwheel("steering_wheel_angle_rad")
+
+
+def test_the_speed_that_a_car_has_is_taken_before_the_one_that_a_drive_message_asks_for():
+    t = 0.01 * np.arange(400)
+    columns = {"t": t, "odom_twist_linear_x": 3.0 + np.sin(t), "odom_twist_angular_z": 0.3 * np.sin(2.0 * t),
+               "drive_steering_angle_rad": 0.05 * np.sin(2.0 * t),
+               "drive_speed_mps": 3.0 + np.sin(1.0 + t)}  # fmt: skip
+    found = guessed_mapping([Topic("", pd.DataFrame(columns))]).mapping["signals"]
+    assert found["v"]["column"] == "odom_twist_linear_x"
+    assert "vx" not in found
+
+
+def test_a_column_in_seconds_that_always_advances_is_the_clock_in_any_language():
+    t = 0.01 * np.arange(400)
+    columns = {"czas [s]": t, "speed [m/s]": 3.0 + np.sin(t), "yaw rate [rad/s]": 0.3 * np.sin(t)}
+    assert guessed_mapping([Topic("", pd.DataFrame(columns))]).mapping["clocks"] == {"recorder": {"column": "czas [s]"}}

@@ -65,8 +65,13 @@ def clock_of(topic: Topic) -> str | None:
             best = rank, column
     if best is not None:
         return best[1]
-    stated = [c for c in map(str, topic.table.columns) if topic.units.get(c) in STEPS and _always_advances(topic, c)]
-    return stated[0] if len(stated) == 1 else None
+    timed = [c for c in map(str, topic.table.columns) if _is_in_time(topic, c) and _always_advances(topic, c)]
+    return timed[0] if len(timed) == 1 else None
+
+
+def _is_in_time(topic: Topic, column: str) -> bool:
+    _, stated = stated_unit(own_name(topic, column), topic.units.get(column, ""), "time")
+    return stated is not None and stated.sure and unit_of(stated.text, ("time",)) is not None
 
 
 def _always_advances(topic: Topic, column: str) -> bool:

@@ -35,7 +35,7 @@ from drift_drake.gap.logs.importing.evidence import (
     wheel_unit,
 )
 from drift_drake.gap.logs.importing.formats.topics import Topic
-from drift_drake.gap.logs.importing.names import DRIVEN, LIMIT, fit, is_handwheel, is_in_g, stated_unit
+from drift_drake.gap.logs.importing.names import DRIVEN, LIMIT, fit, is_demand, is_handwheel, is_in_g, stated_unit
 from drift_drake.gap.logs.wording.conversion import QUANTITIES, dimension, dimensions_of, units_of
 
 LOOKED_FOR = ("latitude", "longitude", "course", "x", "y", "r", "psi", "vx", "vy", "v", "beta", "omega_r", "ax", "ay",
@@ -180,6 +180,9 @@ def _chosen(choices: Mapping[str, list[ColumnChoice]], signals: Traces) -> dict[
         found.pop("vx"), found.pop("vy")  # of a fixed frame
     if {"vx", "vy"} <= set(found):
         found.pop("v", None)
+    elif {"vx", "v"} <= set(found) and is_demand(found["v"].column) and not is_demand(found["vx"].column):
+        found["v"] = found.pop("vx")
+        found.pop("vy", None)
     elif "v" in found:
         found.pop("vx", None), found.pop("vy", None)
     return found

@@ -19,7 +19,7 @@ class Rule(NamedTuple):
     qualifiers: str
 
 
-COMMON = frozenset(["source", "car"])
+COMMON = frozenset(["source", "car", "tyre"])
 SAYS = {"acceleration": "acc", "angular rate": "rate", "speed": "speed"}  # what a unit says of its column
 SYMBOLS = ("x", "y", "r", "v", "t", "delta", "beta", "gee lat", "gee long", "v car")  # no unknown word with these
 RULES = {
@@ -63,6 +63,8 @@ IN_WORDS = ("mdps", "kmh", "kph", "kmph", "kmhr", "mph", "mps", "mps2", "fps", "
 DOUBTFUL = ("min", "in", "mi", "rev", "turn", "day", "us", "u", "tr", "deg c", "revs", "tour", "no", "st")
 OF_TOPICS = r"status|report|info"  # that say nothing of what a topic holds
 EARTH = "ned"  # last letters of velocities to the north, east and down
+SHORTENED = 5  # letters from which a word in front of others still speaks (`Lenkradw`, `speedfilt`)
+PART = re.compile(r"[A-Z]{2,4}_(?=.*[a-z])")  # of a car, that sends the signal (`ESP_v_Signal`)
 AXES = {"0": "x", "1": "y", "2": "z"}
 VECTORS = {"speed", "acc", "gyro", "angular", "pos", "linear"}
 
@@ -81,6 +83,9 @@ def concepts(name: str) -> tuple[set[str], int, int]:
     bare, last = name, re.search(r"\[(\d)\]$", name)
     if last:
         bare = name[: last.start()]
+    part = PART.match(bare)
+    if part and not set(pieces(part[0])) & set(WORDS):
+        bare = bare[part.end() :]
     words = pieces(bare)
     for number, word in enumerate(words):
         if word in WORDS:
@@ -91,11 +96,19 @@ def concepts(name: str) -> tuple[set[str], int, int]:
             said.add("earth")
         elif len(word) > 1 or number > 0:  # nYawRate
             unknown += 1
+            said |= {concept for end in range(SHORTENED, len(word)) for concept in WORDS.get(word[:end], ())}
     if last and (said & VECTORS or "xyz" in words) and last[1] in AXES:
         said.add(AXES[last[1]])
     elif last:
         said.add("element")
     return said, unknown, numbers
+
+
+def parts_of_path(path: str) -> tuple[str, str]:
+    """Topic and column of a path (`/imu/angular_velocity/z`): its last name, or two where the last is an axis."""
+    parts = path.split("/")
+    last = 2 if len(parts[-1]) == 1 and len(parts) > 2 else 1
+    return "/".join(parts[:-last]), ".".join(parts[-last:])
 
 
 def bracketed(name: str) -> tuple[str, Stated | None]:
@@ -165,6 +178,8 @@ def fit(quantity: str, name: str, unit: str = "", topic: str = "") -> tuple[floa
     known = unit_of(stated.text, kinds) if stated else None
     if stated and known is None and meanings(stated.text):
         return None
+    if not topic and bare.startswith("/"):
+        topic, bare = parts_of_path(bare)
     nested = re.match(r"[/.]*([^\s.]+)\.(\S.+)", bare)
     if not topic and nested:
         topic, bare = nested[1], nested[2]
@@ -196,9 +211,7 @@ def _rank(quantity: str, said: set[str], unknown: int) -> float | None:
     for number, way in enumerate(rule.ways):
         needed = set(way.split())
         if needed <= said and said - needed <= free and not (unknown and way in SYMBOLS):
-            hand = (
-                quantity == "delta_cmd" and ("handwheel" in said or {"steer", "wheel"} <= said) and "road" not in said
-            )
+            hand = quantity == "delta_cmd" and _of_handwheel(said)
             return 0.3 * number + UNKNOWN * unknown + (HANDWHEEL if hand else 0.0)
     if quantity == "v" and {"wheel", "speed"} <= said and said - {"wheel", "speed"} <= COMMON:
         return DRIVEN + UNKNOWN * unknown
@@ -214,8 +227,16 @@ def _topic_rank(quantity: str, said: set[str], around: set[str]) -> float:
 
 def is_handwheel(name: str) -> bool:
     """Whether a column is the steering wheel's angle, not the road wheels'."""
-    said, _, _ = concepts(bracketed(name)[0])
-    return "road" not in said and ("handwheel" in said or {"steer", "wheel"} <= said)
+    return _of_handwheel(concepts(stated_unit(name, "", "delta_cmd")[0])[0])
+
+
+def _of_handwheel(said: set[str]) -> bool:
+    return ("handwheel" in said or {"steer", "wheel"} <= said) and not said & {"road", "tyre"}
+
+
+def is_demand(name: str) -> bool:
+    """Whether a name says what is asked of the car, as the drive messages of small cars do, not what it does."""
+    return "target" in concepts(name)[0] or "drive" in pieces(name)
 
 
 def is_in_g(name: str) -> bool:

@@ -224,9 +224,11 @@ def arm_doubts(m: Kinematics, wheelbase: float | None) -> list[Suspicion]:
         side = (("ahead", "behind"), ("to the left", "to the right"))[axis][at.middle < 0.0]
         ends = sorted((abs(at.low), abs(at.high)))
         parts.append(f"{abs(at.middle):.2g} m ({ends[0]:.2g} to {ends[1]:.2g} m) {side} ({says})")
+    across = "v less omega_r against r" in {says for *_, says in where}
+    other = "; if omega_r is one wheel's, this alone says it: give the mean of both rear wheels instead" * across
     sentence = (
         f"speed is measured {' and '.join(parts)} of the centre of gravity: add measured_point: "
-        f"[{point[0]:g}, {point[1]:g}] to what the mapping has (or give omega_r as the mean of both rear wheels)"
+        f"[{point[0]:g}, {point[1]:g}] to what the mapping has{other}"
     )
     return [Suspicion(sentence, "v", None, "; ".join(says for _, _, says in where), point=(point[0], point[1]))]
 

@@ -8,27 +8,30 @@ import re
 import unicodedata
 
 CONCEPTS = {
-    "yaw": "yaw yawing gier gieren lacet imbardata guinada",
+    "yaw": "yaw yawing gier gieren gir lacet imbardata guinada",
     "turn": "roll rolling wank wanken roulis rollio pitch pitching nick nicken tangage beccheggio",  # not about z
     "rate": "rate rates rt taux dot punkt point deriv",
     "gyro": "gyro gyros gyr gyroscope gyroskop gyroscop kreisel drehrate drehraten rotation",
     "angular": "angular angulaire rotational angvel winkelgeschwindigkeit",
     "linear": "linear",
-    "speed": "speed speeds spd velocity velocities vel velo geschwindigkeit geschw vitesse vit velocidad velocita sog",
+    "speed": (
+        "speed speeds spd velocity velocities vel velo geschwindigkeit geschw vitesse vit velocidad "
+        "velocidade velocita hastighet snelheid sog"
+    ),
     "steer": "eps steer steering steered str strg lenk lenkung lenken braquage sterzo sterzata",
-    "handwheel": "handwheel swa sas lenkrad volant volante",
+    "handwheel": "handwheel swa sas lenkrad volant volante ratt stuurwiel",
     "road": "road roadwheel strasse",
-    "angle": "angle ang angles winkel wkl angulo angolo",
-    "wheel": "wheel wheels whl whls rad raeder rader roue roues ruota ruote rueda tyre tire reifen pneu",
+    "angle": "angle ang angles winkel wkl angulo angolo vinkel hoek",
+    "wheel": "wheel wheels whl whls rad raeder rader roue roues ruota ruote rueda pneu",
     "axle": "axle achse essieu asse",
     "revs": "rpm revs rev drehzahl regime omega w",
     "acc": (
         "acc accel accels accl acceleration accelerations accelerometer beschleunigung beschl aceleracion "
-        "accelerazione gforce gforces"
+        "aceleracao accelerazione acceleratie versnelling gforce gforces"
     ),
     "gee": "g",
-    "lat": "lat lateral laterale quer seitlich transversal transversale trasversale",
-    "long": "long lon longitudinal longitudinale langs laengs inline",
+    "lat": "lat lateral laterale quer seitlich transversal transversale trasversale sido dwars",
+    "long": "long lon longitudinal longitudinale langs laengs inline forward fwd vorwaerts",
     "x": "x",
     "y": "y",
     "z": "z vertical vertikal verticale hoch",
@@ -55,7 +58,7 @@ CONCEPTS = {
     "r": "r",
     "time": (
         "time times zeit temps tiempo tempo timestamp timestamps stamp stempel zeitstempel horodatage tow itow uhrzeit "
-        "uhr utc gmt epoch unixtime tijd seconds secs millis "
+        "uhr utc gmt epoch unixtime tijd tid seconds secs millis "
         "milliseconds micros microseconds sekunden secondes segundos secondi"
     ),
     "t": "t ts",
@@ -95,14 +98,16 @@ CONCEPTS = {
     ),
 }
 PAIRS = {  # words that say two things
+    "tyre": "wheel tyre", "tire": "wheel tyre", "reifen": "wheel tyre",
     "lws": "handwheel angle", "hwa": "handwheel angle", "rwa": "road wheel angle",
     "lenkw": "steer angle", "lw": "steer angle", "lrw": "handwheel angle", "strangle": "steer angle",
     "vx": "speed x", "vy": "speed y", "vz": "speed z", "ux": "speed x", "uy": "speed y", "ax": "acc x", "ay": "acc y",
     "az": "acc z", "wx": "gyro x", "wy": "gyro y", "wz": "gyro z", "omegaz": "gyro z", "omegax": "gyro x",
     "omegay": "gyro y", "ws": "wheel speed", "wspd": "wheel speed", "yrs": "yaw rate", "psip": "yaw rate",
-    "psidot": "yaw rate", "dpsi": "yaw rate", "glat": "acc lat", "glong": "acc long", "glon": "acc long",
-    "vcar": "car speed", "vveh": "car speed", "vfzg": "car speed", "vlat": "speed lat", "vlon": "speed long",
-    "vlong": "speed long", "alat": "acc lat", "along": "acc long", "alon": "acc long", "nmot": "engine revs",
+    "yawr": "yaw rate", "psidot": "yaw rate", "dpsi": "yaw rate", "glat": "acc lat", "glong": "acc long",
+    "glon": "acc long", "vcar": "car speed", "vveh": "car speed", "vfzg": "car speed", "vlat": "speed lat",
+    "vlon": "speed long", "vlong": "speed long",
+    "alat": "acc lat", "along": "acc long", "alon": "acc long", "nmot": "engine revs",
     "strwhl": "handwheel", "steerwheel": "handwheel", "steeringwheel": "handwheel", "wss": "wheel speed",
     "sideslip": "slip side", "schwimmwinkel": "slip angle", "drehrate": "gyro", "datetime": "date time",
     "roadwheel": "road wheel", "nengine": "engine revs", "omegar": "revs rear", "asteer": "steer angle",

@@ -94,8 +94,8 @@ def failures(found: dict[Kind, Evidence]) -> str:
         rows = []
         for model, group in runs.groupby("model", sort=False):
             failed = group[~group["completed"]].assign(place=failed_at(group, course))
-            counts = failed.groupby(["place", "outcome"]).size()
-            said = "; ".join(f"{place}: {outcome}, {count}" for (place, outcome), count in counts.items())
+            counts = failed.groupby(["place", "outcome"]).size().reset_index(name="count")
+            said = "; ".join(f"{place}: {outcome}, {count}" for place, outcome, count in counts.to_numpy())
             rows.append([LABELS[str(model)], f"{len(failed)} of {len(group)}", said or "-"])
         parts.append(f"{SAID[kind].capitalize()}:\n\n{table(['model', 'not completed', 'where, how'], rows)}")
     return "\n\n".join([f"The transitions are at {where}.", *parts]) if parts else ""

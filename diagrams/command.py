@@ -15,6 +15,7 @@ from drift_drake.common.interruption import ended_at_once, leave_ends_to_the_sys
 NAME = next((word for word in sys.orig_argv if word.startswith(("diagrams.", "experiments."))), "experiments")
 COUNTS = ("vehicles", "noise_seeds", "workers", "threads", "repeats", "loops", "cars", "cases", "seeds", "samples")
 """Options of which none would leave nothing to do."""
+PICTURES = (".png", ".svg", ".gif", ".pdf")
 _importing = contextlib.ExitStack()
 if sys.argv[0] == "-m":  # as Python has it while it looks for the module that it is to run, and imports its packages
     _importing.enter_context(ended_at_once(f"{NAME}: "))
@@ -52,7 +53,7 @@ def run_command(main: Callable[..., object], options: Any = None, description: s
 def run_folder_of(config: Any) -> Path | None:
     """The run folder that options name, an `--out` that may be left out; None where they name none, or a picture."""
     may_be_left_out = any(field.name == "out" and field.default is None for field in dataclasses.fields(config))
-    return config.out if may_be_left_out and config.out is not None and not config.out.suffix else None
+    return config.out if may_be_left_out and config.out is not None and config.out.suffix not in PICTURES else None
 
 
 def check_whole_numbers(config: Any) -> None:

@@ -32,6 +32,7 @@ def test_the_second_experiment_in_a_run_folder_is_refused_in_one_sentence(tmp_pa
 
 def test_pictures_and_folders_of_the_date_are_no_run_folders_to_hold(tmp_path: Path) -> None:
     assert run_folder_of(Options(tmp_path)) == tmp_path
+    assert run_folder_of(Options(tmp_path / "v1.2")) == tmp_path / "v1.2"
     assert run_folder_of(Options()) is None
     assert run_folder_of(Options(tmp_path / "a.svg")) is None
     assert run_folder_of(Picture()) is None

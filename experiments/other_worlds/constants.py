@@ -19,7 +19,7 @@ import tyro
 from tqdm import tqdm
 
 from diagrams.command import run_command
-from drift_drake.common.run_folder import make_run_folder, write_json, write_versions
+from drift_drake.common.run_folder import write_json
 from drift_drake.common.safe_files import write_text
 from drift_drake.gap.estimation import baseline, prediction_constants
 from drift_drake.gap.estimation.baseline import (
@@ -32,7 +32,7 @@ from drift_drake.gap.evidence import left_out as judging
 from drift_drake.gap.evidence import left_over as leaving
 from drift_drake.gap.evidence import ranking
 from drift_drake.gap.evidence.posterior import NONE, UNKNOWN, PosteriorConstants
-from experiments.made import made, tabulated
+from experiments.made import begun, made, tabulated
 from experiments.other_worlds.road import DAY_ONE, worlds_by_name
 from experiments.other_worlds.scoring import TOO, said_share, share
 from experiments.other_worlds.stretches import FACTORS, KeptDay, KeptWorld, kept_world
@@ -221,9 +221,7 @@ def shown(value: Any) -> str:
 def main(config: Table) -> None:
     """Everything."""
     worlds = worlds_by_name(config.worlds, config.baseline)
-    folder = make_run_folder("constants", config.out)
-    write_json(folder / "config.json", config)
-    write_versions(folder)
+    folder = begun("constants", config)
     kept = [kept_world(world, config.baseline, folder / name) for name, world in worlds.items()]
     found = counts_by_constant(kept, lambda names: tqdm(names, unit="constant"))
     text = f"{constants_text(found)}\n{made(config)}\n"

@@ -22,7 +22,7 @@ from drift_drake.car.effects.magnitudes import Effects
 from drift_drake.car.log.table import IMPORT_REPORT, Run, read_case, stated_noise
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.car.vehicle_file import read_vehicle, write_vehicle
-from drift_drake.common.run_folder import is_done, make_run_folder, write_json, write_versions
+from drift_drake.common.run_folder import is_done, write_json
 from drift_drake.common.safe_files import write_text
 from drift_drake.gap.diagnosis.likelihood.diagnose import diagnose
 from drift_drake.gap.diagnosis.reports import report as diagnosis_report
@@ -36,6 +36,7 @@ from drift_drake.gap.identification.identify import identify
 from drift_drake.gap.logs.importing.import_logs import write_case
 from drift_drake.gap.logs.importing.importer import import_recordings
 from drift_drake.gap.logs.importing.mapping import read_mapping
+from experiments.made import begun
 from experiments.real.steering_steps import steering_of_steps
 
 VEHICLES = Path(__file__).parent / "vehicles"
@@ -144,9 +145,7 @@ def ask(folder: Path, name: str, case: Path, runs: list[Run], calibrated: str, f
 
 def main(config: Config) -> None:
     """All stages."""
-    folder = make_run_folder("real_logs", config.out)
-    write_json(folder / "config.json", config)
-    write_versions(folder)
+    folder = begun("real_logs", config)
     small = {
         name: imported(config, folder, name, "dart", f"dart/{name}") for name in ("floor_a", "floor_b", "free_driving")
     }

@@ -30,7 +30,7 @@ from experiments.other_worlds.hand_scores import write_scores
 from experiments.other_worlds.jobs import Ask, Calibrate, answer_of, ask, calibrate, done_once
 from experiments.other_worlds.pictures import draw_rows
 from experiments.other_worlds.scoring import Row
-from experiments.real.logs import RIM_NOISE, RIM_SPEED, VEHICLES
+from experiments.real.cars import RIM_NOISE, RIM_SPEED, VEHICLES
 
 TIMES = 2.0  # the detection limit, that a change is
 RACER_PARTS = ((0.0, 50.0), (50.0, 100.0), (100.0, 150.0), (150.0, 300.0))  # [s] of the only recording

@@ -42,15 +42,7 @@ from drift_drake.drive.mpc.ocp import OcpWeights
 from experiments.benchmarks.vehicles import Population
 from experiments.drifting.errors import ROLLOUT_STEPS, drifting_errors
 from experiments.drifting.report import summarise
-from experiments.drifting.runs import (
-    DriftConfig,
-    DriveJob,
-    Learnt,
-    drive,
-    opened,
-    reference,
-    run_drives,
-)
+from experiments.drifting.runs import DriftConfig, DriveJob, Learnt, drive, opened, reference, run_drives
 from experiments.gathering.beliefs import Attempt
 from experiments.made import tabulated, write_report
 

@@ -32,16 +32,7 @@ from drift_drake.view.colours import INK, RUNS
 from drift_drake.view.style import BOUND, new_figure, styled
 from experiments.benchmarks.vehicles import Population
 from experiments.drifting.report import LABELS, completion_table, differences_table, pair_of, summarise
-from experiments.drifting.runs import (
-    BELIEFS,
-    EXTRAS,
-    Maneuver,
-    Model,
-    ModelsConfig,
-    opened,
-    paper_control,
-    run_models,
-)
+from experiments.drifting.runs import BELIEFS, EXTRAS, Maneuver, Model, ModelsConfig, opened, paper_control, run_models
 from experiments.gathering.recipe import Extra, as_in_paper
 from experiments.made import tabulated, write_report
 from experiments.settings import keep_settings

@@ -29,14 +29,7 @@ from experiments.drifting.report import (
     refusal_sentence,
     summarise,
 )
-from experiments.drifting.runs import (
-    Model,
-    ModelsConfig,
-    opened,
-    reference,
-    run_models,
-    run_name,
-)
+from experiments.drifting.runs import Model, ModelsConfig, opened, reference, run_models, run_name
 from experiments.made import tabulated, write_report
 
 # A drift is established where the car is this near to the reference's, and stays so for a while.

@@ -22,11 +22,7 @@ from diagrams.command import run_command
 from drift_drake.common.run_folder import write_json
 from drift_drake.common.safe_files import write_text
 from drift_drake.gap.estimation import baseline, prediction_constants
-from drift_drake.gap.estimation.baseline import (
-    Known,
-    Spread,
-    Stretches,
-)
+from drift_drake.gap.estimation.baseline import Known, Spread, Stretches
 from drift_drake.gap.evidence import constants as of_diagnosis
 from drift_drake.gap.evidence import left_out as judging
 from drift_drake.gap.evidence import left_over as leaving

@@ -16,12 +16,7 @@ from drift_drake.car.parameters import VehicleParameters
 from drift_drake.car.vehicle_file import read_vehicle, stated_tolerances
 from drift_drake.common.errors import DriftDrakeError
 from drift_drake.gap.diagnosis.calibrated.diagnose_change import search_of
-from drift_drake.gap.estimation.baseline import (
-    Seen,
-    Stretches,
-    seen_of,
-    stretches_of,
-)
+from drift_drake.gap.estimation.baseline import Seen, Stretches, seen_of, stretches_of
 from drift_drake.gap.estimation.learn_normal import Learnt, learn_normal
 from drift_drake.gap.estimation.normal import Normal
 from drift_drake.gap.estimation.prediction_constants import LEFT_OF_FITTED, LEFT_OF_OTHERS, REGULAR

@@ -18,13 +18,7 @@ from drift_drake.common.run_folder import write_json
 from drift_drake.common.safe_files import write_table
 from drift_drake.drive.gathering.config import GatheringConfig
 from experiments.benchmarks.vehicles import Population
-from experiments.drifting.improvements import (
-    ImprovementsConfig,
-    Rung,
-    drive_ladder,
-    medians_table,
-    summarise_ladder,
-)
+from experiments.drifting.improvements import ImprovementsConfig, Rung, drive_ladder, medians_table, summarise_ladder
 from experiments.drifting.report import LABELS, differences_table, pair_of
 from experiments.drifting.runs import EXTRAS, Model
 from experiments.gathering.recipe import Extra, as_in_paper

@@ -12,7 +12,6 @@ import gc
 import resource
 import tempfile
 import time
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +27,7 @@ from drift_drake.drive.loop.drive import Drive, DriveLimits
 from drift_drake.drive.loop.runner import LogFile, make_simulator
 from drift_drake.drive.mpc.plan import Plan
 from drift_drake.drive.reference.trajectory import figure_8
+from experiments.drifting.timed_parts import cpu
 from experiments.made import begun, tabulated, write_benchmark
 
 DERIVATIVES = "DoCalcTimeDerivatives"
@@ -82,13 +82,6 @@ class HeldPlan(LeafSystem):
 
     def _calc(self, context: Context, output: BasicVector) -> None:  # noqa: ARG002
         output.SetFromVector(self._plan)
-
-
-def cpu(call: Callable[[], Any]) -> tuple[float, Any]:
-    """(CPU time [s], result) of a call."""
-    start = time.thread_time()
-    result = call()
-    return time.thread_time() - start, result
 
 
 def closed_loop(seed: int) -> dict[str, float]:

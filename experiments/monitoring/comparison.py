@@ -126,9 +126,8 @@ def drawn_change(
     return name, q, limit_of
 
 
-def watch(job: Job) -> dict[str, Any]:
-    """What every method says of one drive, at 10 Hz."""
-    simulator = job.simulator
+def driven(job: Job) -> tuple[Run, dict[str, Any], int]:
+    """A drive long enough to judge, what is true of it, and at which attempt it came about."""
     for attempt in range(20):
         seeds = [job.seed, PLANTS.index(job.plant), int(job.changed), attempt]
         onset = float(np.random.default_rng([*seeds, 1]).uniform(*ONSETS))
@@ -137,7 +136,7 @@ def watch(job: Job) -> dict[str, Any]:
             continue
         truth: dict[str, Any] = {}
         if job.changed:
-            monitor = simulator.monitor(run)
+            monitor = job.simulator.monitor(run)
             change = drawn_change(monitor, traced(monitor, run), onset, job.plant, np.random.default_rng([*seeds, 2]))
             if change is None:
                 continue
@@ -146,9 +145,15 @@ def watch(job: Job) -> dict[str, Any]:
             if run.t[-1] < onset + SECONDS:
                 continue
             truth = {"effect": name, "magnitude": q, "limit": limit, "onset": onset}
-        return {"plant": job.plant, "seed": job.seed, "attempt": attempt, "truth": truth,
-                "duration": float(run.t[-1])} | said(simulator.monitor(run), run, truth)  # fmt: skip
+        return run, truth, attempt
     raise RuntimeError(f"{job.name}: no drive in 20 attempts")
+
+
+def watch(job: Job) -> dict[str, Any]:
+    """What every method says of one drive, at 10 Hz."""
+    run, truth, attempt = driven(job)
+    return {"plant": job.plant, "seed": job.seed, "attempt": attempt, "truth": truth,
+            "duration": float(run.t[-1])} | said(job.simulator.monitor(run), run, truth)  # fmt: skip
 
 
 def said(monitor: Monitor, run: Run, truth: dict[str, Any]) -> dict[str, Any]:

@@ -54,19 +54,6 @@ class Calibrated(NamedTuple):
     baseline: dict[float, Seen]
 
 
-class KeptWorld(NamedTuple):
-    """A calibrated car and its other days."""
-
-    names: tuple[str, ...]
-    units: np.ndarray  # [n]
-    vehicle: VehicleParameters
-    prior: np.ndarray  # [n]
-    least_deviations: np.ndarray  # [n]
-    fitted: np.ndarray  # [n] bool
-    baseline: dict[float, Seen]
-    days: list[KeptDay]
-
-
 def calibrated(world: Path, folder: str) -> Calibrated:
     """The car of a world, calibrated by prediction on one of its folders.
 
@@ -114,8 +101,9 @@ def day_of(case: Path, car: Calibrated) -> dict[float, Stretches]:
     }
 
 
-def kept_world(world: Path, baseline: str, folder: Path) -> KeptWorld:
-    """A world from its files, or, where they are not there yet, from its logs; days that cannot be used are reported.
+def kept_world(world: Path, baseline: str, folder: Path) -> tuple[Calibrated, list[KeptDay]]:
+    """A world's calibrated car and its other days from their files, or, where they are not there yet, from its logs;
+    days that cannot be used are reported.
 
     Args:
         baseline: folder of the world to calibrate on; folder: of the files.
@@ -131,10 +119,7 @@ def kept_world(world: Path, baseline: str, folder: Path) -> KeptWorld:
         strange = bool(labels[code].get("strange"))
         truth = UNKNOWN if strange else "+".join(sorted(labels[code]["effects"])) or NONE
         days.append(KeptDay(code, truth, strange, stretches))
-    normal = car.normal
-    return KeptWorld(
-        normal.names, normal.units, car.vehicle, car.prior, car.least_deviations, car.fitted, car.baseline, days
-    )
+    return car, days
 
 
 def _kept(path: Path, make: Any) -> Any:

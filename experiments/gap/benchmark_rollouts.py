@@ -26,7 +26,8 @@ from drift_drake.gap.estimation.problem import filter_case, make_problem, observ
 from drift_drake.gap.estimation.windows import HORIZONS, STRIDE, errors, windowed
 from experiments.benchmarks.compiled_cases import make_case
 from experiments.benchmarks.truths import Truth
-from experiments.drifting.benchmark_simulation import car_alone, cpu
+from experiments.drifting.benchmark_simulation import car_alone
+from experiments.drifting.timed_parts import cpu
 from experiments.made import begun, tabulated, write_benchmark
 
 EFFECT = {"rear_stiffness_error": -0.1}

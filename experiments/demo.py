@@ -21,7 +21,7 @@ from tqdm import tqdm
 from diagrams.command import run_command
 from drift_drake.car.log.table import read_case
 from drift_drake.car.parameters import VehicleParameters
-from drift_drake.common.run_folder import make_run_folder, write_json, write_versions
+from drift_drake.common.run_folder import write_json
 from drift_drake.common.worker_pool import worker_processes
 from drift_drake.drive.gathering.config import GatheringConfig
 from drift_drake.drive.gathering.gather import Gathered, taught
@@ -37,6 +37,7 @@ from experiments.demo_log import FOLDER, TRUTH
 from experiments.demo_page import write_page
 from experiments.drifting.runs import DriveJob, DriveResult, Learnt, Model, drive, reference
 from experiments.gathering.beliefs import SECOND_ROUND
+from experiments.made import begun
 
 MODELS: tuple[Model, ...] = ("nominal", "prior", "once_ocp", "once_info", "twice_info", "online", "oracle")
 
@@ -113,9 +114,7 @@ def main(config: DemoConfig) -> None:
     """Makes the page."""
     logging.getLogger("drake").setLevel(logging.WARNING)
     began = time.perf_counter()
-    folder = make_run_folder("demo", config.out)
-    write_json(folder / "config.json", config)
-    write_versions(folder)
+    folder = begun("demo", config)
     learnt = load_model()
     drifts: dict[str, DriveResult] = {}
     with (

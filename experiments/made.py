@@ -1,4 +1,5 @@
-"""report.md of a run folder: the tables, and below them when, where, by which version and command they were made."""
+"""How an experiment begins its run folder, and ends it: with a report of tables, and below them when, where, by which
+version and command they were made."""
 
 import dataclasses
 import shlex
@@ -10,7 +11,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from drift_drake.common.run_folder import machine, write_json, write_versions
+from drift_drake.common.run_folder import machine, make_run_folder, write_json, write_versions
 from drift_drake.common.safe_files import write_text
 
 ROOT = Path(__file__).parents[1]
@@ -19,13 +20,22 @@ DRAWN = ("population", "drives_seed", "vehicle_seed", "seed", "first", "count", 
 """Fields of a config that say which vehicles and seeds were taken."""
 
 
+def begun(name: str, config: Any) -> Path:
+    """The run folder `config.out`, or a new one of a name, with config.json and versions.json."""
+    folder = make_run_folder(name, config.out)
+    write_json(folder / "config.json", config)
+    write_versions(folder)
+    return folder
+
+
 def write_report(folder: Path, text: str, config: Any) -> None:
-    """Writes report.md, to be pasted into a page as it is.
+    """Writes report.md, to be pasted into a page as it is, and prints its text and the folder.
 
     Args:
         text: Markdown; config: the dataclass that the run was made from.
     """
     write_text(folder / "report.md", f"{text.rstrip()}\n\n{made(config)}\n")
+    print(f"{text}\nresults in {folder}")
 
 
 def tabulated(heads: Sequence[str], rows: Iterable[Sequence[object]]) -> list[str]:
@@ -34,12 +44,9 @@ def tabulated(heads: Sequence[str], rows: Iterable[Sequence[object]]) -> list[st
 
 
 def write_benchmark(folder: Path, config: Any, numbers: Any, text: str) -> None:
-    """Writes a benchmark's config, numbers, versions and report into its run folder, and prints its table."""
-    write_json(folder / "config.json", config)
+    """Writes a benchmark's numbers and report into its run folder."""
     write_json(folder / "numbers.json", numbers)
-    write_versions(folder)
     write_report(folder, text, config)
-    print(text)
 
 
 def made(config: Any) -> str:

@@ -1,12 +1,15 @@
-"""A folder of results is gone on with by the settings that it was begun with."""
+"""A folder of results is gone on with: by the settings that it was begun with, and what is there is not made again."""
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from drift_drake.common.errors import DriftDrakeError
-from drift_drake.common.run_folder import is_done, plain, write_json
+from drift_drake.common.executors import ExecutorConfig, run_jobs
+from drift_drake.common.run_folder import is_done, plain, write_json, write_versions
+
+Job = TypeVar("Job")
 
 
 class OtherExperimentError(DriftDrakeError, ValueError):
@@ -14,7 +17,7 @@ class OtherExperimentError(DriftDrakeError, ValueError):
 
 
 def keep_settings(folder: Path, settings: Mapping[str, Any], free: Sequence[str]) -> None:
-    """Writes config.json; settings that are `free` may change from call to call.
+    """Writes config.json and versions.json; settings that are `free` may change from call to call.
 
     Raises:
         OtherExperimentError: the results there were made with others.
@@ -27,3 +30,26 @@ def keep_settings(folder: Path, settings: Mapping[str, Any], free: Sequence[str]
             f"{folder} holds runs made with another {', '.join(differ)}; give another folder, or the settings of {path}"
         )
     write_json(path, entry)
+    write_versions(folder)
+
+
+def kept(path: Path, make: Callable[[], Any]) -> Any:
+    """What a JSON file of results holds; made and written first where it is not there whole."""
+    if not is_done(path):
+        write_json(path, make())
+    return json.loads(path.read_text())
+
+
+def run_kept(
+    run_on: ExecutorConfig, function: Callable[[Job], Any], jobs: Sequence[Job], file: Callable[[Job], Path],
+    unit: str, tasks_per_worker: int = 0,
+) -> list[Any]:  # fmt: skip
+    """The results of all jobs, each kept in a JSON file of its own; those that are there are not run again.
+
+    Args:
+        file: of a job; the others as for `run_jobs`.
+    """
+    missing = [job for job in jobs if not is_done(file(job))]
+    run_jobs(run_on, function, missing, lambda job, result: write_json(file(job), result), unit,
+             tasks_per_worker=tasks_per_worker)  # fmt: skip
+    return [json.loads(file(job).read_text()) for job in jobs]

@@ -12,12 +12,7 @@ import numpy as np
 
 from drift_drake.car.compilation import compiled
 from drift_drake.car.effects.delays import on_time, stamped
-from drift_drake.car.effects.magnitudes import (
-    INTERNAL_COUNT,
-    Effects,
-    InternalStates,
-    reading_gains,
-)
+from drift_drake.car.effects.magnitudes import INTERNAL_COUNT, Effects, InternalStates, reading_gains
 from drift_drake.car.log.table import Run
 from drift_drake.car.parameters import Constants, VehicleParameters
 from drift_drake.car.scalar import fixed_tuple

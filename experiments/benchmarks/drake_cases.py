@@ -6,13 +6,7 @@ Another integrator than the diagnosis's: Runge-Kutta of third order with error c
 from typing import Any, Protocol
 
 import numpy as np
-from pydrake.systems.framework import (
-    BasicVector,
-    Context,
-    DiagramBuilder,
-    DiscreteValues,
-    LeafSystem,
-)
+from pydrake.systems.framework import BasicVector, Context, DiagramBuilder, DiscreteValues, LeafSystem
 
 from drift_drake.car.effects.delays import on_time, stamped
 from drift_drake.car.log.table import Run

@@ -30,7 +30,7 @@ from diagrams.command import run_command
 from drift_drake.car.single_track.motion import INPUTS, STATES
 from drift_drake.common.errors import InvalidOptionError
 from drift_drake.common.executors import run_jobs
-from drift_drake.common.run_folder import is_done, make_run_folder, write_json, write_versions
+from drift_drake.common.run_folder import is_done, write_json
 from drift_drake.common.safe_files import write_arrays
 from drift_drake.drive.learnt.bayesian_step import PathStep
 from drift_drake.drive.learnt.checkpoint import BayesianModel, load_model
@@ -42,15 +42,7 @@ from drift_drake.drive.mpc.ocp import OcpWeights
 from experiments.benchmarks.vehicles import Population
 from experiments.drifting.errors import ROLLOUT_STEPS, drifting_errors
 from experiments.drifting.report import summarise
-from experiments.drifting.runs import (
-    DriftConfig,
-    DriveJob,
-    Learnt,
-    drive,
-    open_folder,
-    reference,
-    run_drives,
-)
+from experiments.drifting.runs import DriftConfig, DriveJob, Learnt, drive, opened, reference, run_drives
 from experiments.gathering.beliefs import Attempt
 from experiments.made import tabulated, write_report
 
@@ -200,9 +192,7 @@ def main(config: AblationsConfig) -> None:
     """Runs what is missing, then writes the table."""
     if config.control.period != LOG_PERIOD:
         raise InvalidOptionError(f"samples are made from rows {LOG_PERIOD} s apart; leave --control.period at that")
-    folder = make_run_folder("ablations", config.out)
-    open_folder(folder, config)
-    write_versions(folder)
+    folder = opened("ablations", config)
     learnt = load_model(config.checkpoint)
     beliefs = all_beliefs(config, learnt, folder)
     rows = [row for row in variants(config.control) if row.part in config.parts]
@@ -223,8 +213,6 @@ def main(config: AblationsConfig) -> None:
     write_json(folder / "numbers.json", {"runs": summary, "errors_in_drifts": errors})
     report = table(rows, summary, errors)
     write_report(folder, report, config)
-    print(report)
-    print(f"results in {folder}")
 
 
 def belief_errors(

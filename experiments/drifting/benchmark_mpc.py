@@ -27,7 +27,7 @@ from drift_drake.car.parameters import VehicleParameters
 from drift_drake.car.step_model import NominalStepModel
 from drift_drake.common.arrays import Array
 from drift_drake.common.errors import InvalidOptionError, MissingExtraError
-from drift_drake.common.run_folder import machine, make_run_folder
+from drift_drake.common.run_folder import machine
 from drift_drake.common.threads import one_blas_thread
 from drift_drake.drive.learnt.bayesian_step import BayesianStepModel
 from drift_drake.drive.learnt.checkpoint import load_model
@@ -41,7 +41,7 @@ from drift_drake.drive.mpc.sqp import LineSearchSqp, SqpOptions
 from drift_drake.drive.reference.trajectory import Reference, figure_8
 from experiments.drifting.casadi_ocp import CasadiOcp, installed, learnt_step
 from experiments.drifting.timed_parts import TimedModel, TimedQp, cpu, network_products
-from experiments.made import tabulated, write_benchmark
+from experiments.made import begun, tabulated, write_benchmark
 
 START, ADVANCE = 40.0, 0.127  # [m] along the reference: of the first problem, from one problem to the next
 SPREAD = np.array([0.02, 0.05, 0.01, 0.1, 0.02, 0.01])  # standard deviations of the state about the reference
@@ -302,7 +302,7 @@ def main(config: BenchmarkConfig) -> None:
         if getattr(config, name) < 2:
             option = name.replace("_", "-")
             raise InvalidOptionError(f"--{option} is {getattr(config, name)}; give 2 or more: the first is not timed")
-    folder = make_run_folder("benchmark_mpc", config.out)
+    folder = begun("benchmark_mpc", config)
     numbers = run(config)
     write_benchmark(folder, config, numbers, table(numbers))
 

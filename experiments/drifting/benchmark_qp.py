@@ -21,7 +21,7 @@ import numpy as np
 from diagrams.command import run_command
 from drift_drake.common.arrays import Array
 from drift_drake.common.errors import InvalidOptionError, MissingExtraError
-from drift_drake.common.run_folder import machine, make_run_folder
+from drift_drake.common.run_folder import machine
 from drift_drake.common.threads import one_blas_thread
 from drift_drake.drive.learnt.checkpoint import load_model
 from drift_drake.drive.learnt.quality import step_model
@@ -34,7 +34,7 @@ from drift_drake.drive.reference.trajectory import figure_8
 from experiments.drifting.benchmark_mpc import ADVANCE, SPREAD, START, statistics
 from experiments.drifting.casadi_ocp import installed
 from experiments.drifting.timed_parts import cpu
-from experiments.made import tabulated, write_benchmark
+from experiments.made import begun, tabulated, write_benchmark
 
 HPIPM_TOLERANCES = ("res_g_max", "res_b_max", "res_d_max", "res_m_max")
 PEERS: dict[str, dict[str, Any]] = {
@@ -272,7 +272,7 @@ def main(config: QpBenchmarkConfig) -> None:
     if config.peers and not installed():
         raise MissingExtraError("the peers' solvers", "casadi", "peers")
     numbers = run(config)
-    write_benchmark(make_run_folder("benchmark_qp", config.out), config, numbers, table(numbers))
+    write_benchmark(begun("benchmark_qp", config), config, numbers, table(numbers))
 
 
 if __name__ == "__main__":

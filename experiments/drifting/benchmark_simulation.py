@@ -12,7 +12,6 @@ import gc
 import resource
 import tempfile
 import time
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -22,13 +21,14 @@ from pydrake.systems.framework import BasicVector, Context, LeafSystem
 from diagrams.command import run_command
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.cli.drive_run import ClosedLoopConfig, build
-from drift_drake.common.run_folder import machine, make_run_folder
+from drift_drake.common.run_folder import machine
 from drift_drake.common.threads import one_blas_thread
 from drift_drake.drive.loop.drive import Drive, DriveLimits
 from drift_drake.drive.loop.runner import LogFile, make_simulator
 from drift_drake.drive.mpc.plan import Plan
 from drift_drake.drive.reference.trajectory import figure_8
-from experiments.made import tabulated, write_benchmark
+from experiments.drifting.timed_parts import cpu
+from experiments.made import begun, tabulated, write_benchmark
 
 DERIVATIVES = "DoCalcTimeDerivatives"
 ERROR = np.array([0.0, 0.0, 0.1, 0.0, 0.5, 0.0])  # at the start, as in `drift-drake drive`
@@ -82,13 +82,6 @@ class HeldPlan(LeafSystem):
 
     def _calc(self, context: Context, output: BasicVector) -> None:  # noqa: ARG002
         output.SetFromVector(self._plan)
-
-
-def cpu(call: Callable[[], Any]) -> tuple[float, Any]:
-    """(CPU time [s], result) of a call."""
-    start = time.thread_time()
-    result = call()
-    return time.thread_time() - start, result
 
 
 def closed_loop(seed: int) -> dict[str, float]:
@@ -190,7 +183,7 @@ def table(numbers: dict[str, Any]) -> str:
 
 def main(config: BenchmarkConfig) -> None:
     """Runs, prints and stores the benchmark."""
-    folder = make_run_folder("benchmark_simulation", config.out)
+    folder = begun("benchmark_simulation", config)
     numbers = run(config)
     write_benchmark(folder, config, numbers, table(numbers))
 

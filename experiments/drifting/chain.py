@@ -139,8 +139,6 @@ def main(config: ChainConfig) -> None:
     write_figure(overhead(tables, reference("figure_8"), parameters), folder / "overhead.png")
     replay(tables, folder / "replay.html", reference("figure_8"), parameters)
     write_report(folder, "\n".join(lines), config)
-    print("\n".join(lines))
-    print(f"results in {folder}")
 
 
 if __name__ == "__main__":

@@ -11,7 +11,7 @@ overhead.png. Broken off, it goes on where it was (give --out).
 """
 
 from diagrams.command import run_command
-from drift_drake.common.run_folder import make_run_folder, write_json, write_results_table, write_versions
+from drift_drake.common.run_folder import write_json, write_results_table
 from experiments.drifting.report import (
     choice_sentence,
     completion_table,
@@ -24,16 +24,14 @@ from experiments.drifting.report import (
     refusal_sentence,
     summarise,
 )
-from experiments.drifting.runs import ModelsConfig, open_folder, reference, run_models
+from experiments.drifting.runs import ModelsConfig, opened, reference, run_models
 from experiments.made import write_report
 
 
 def main(config: ModelsConfig) -> None:
     """Runs what is missing, then writes numbers and pictures."""
     config = config.resolved()
-    folder = make_run_folder("figure_8", config.out)
-    open_folder(folder, config)
-    write_versions(folder)
+    folder = opened("figure_8", config)
     runs = run_models(config, "figure_8", folder)
     write_results_table(folder, runs)
     summary = summarise(runs)
@@ -47,8 +45,6 @@ def main(config: ModelsConfig) -> None:
     )
     write_report(folder, report, config)
     draw(folder, runs, reference("figure_8"))
-    print(report)
-    print(f"results in {folder}")
 
 
 if __name__ == "__main__":

@@ -21,7 +21,7 @@ import tyro
 from diagrams.command import run_command
 from drift_drake.common.errors import InvalidOptionError
 from drift_drake.common.executors import ExecutorConfig
-from drift_drake.common.run_folder import make_run_folder, write_json, write_versions
+from drift_drake.common.run_folder import make_run_folder, write_json
 from drift_drake.common.safe_files import write_figure, write_table
 from drift_drake.drive.gathering.config import GatheringConfig
 from drift_drake.drive.learnt.adapter import DEFAULT_THRESHOLD
@@ -32,18 +32,9 @@ from drift_drake.view.colours import INK, RUNS
 from drift_drake.view.style import BOUND, new_figure, styled
 from experiments.benchmarks.vehicles import Population
 from experiments.drifting.report import LABELS, completion_table, differences_table, pair_of, summarise
-from experiments.drifting.runs import (
-    BELIEFS,
-    EXTRAS,
-    Maneuver,
-    Model,
-    ModelsConfig,
-    open_folder,
-    paper_control,
-    run_models,
-)
+from experiments.drifting.runs import BELIEFS, EXTRAS, Maneuver, Model, ModelsConfig, opened, paper_control, run_models
 from experiments.gathering.recipe import Extra, as_in_paper
-from experiments.made import write_report
+from experiments.made import tabulated, write_report
 from experiments.settings import keep_settings
 
 PREDICTING: tuple[Model, ...] = ("prior", "once_ocp", "once_info", "twice_info")
@@ -170,8 +161,7 @@ def drive_ladder(config: ImprovementsConfig, rungs: Sequence[Rung], folder: Path
     files = checkpoints(config, folder)
     settings = {rung.name: rung_config(config, rung, files[rung.learnt], folder) for rung in rungs}
     for name, rung in settings.items():
-        (folder / name).mkdir(exist_ok=True)
-        open_folder(folder / name, rung)
+        opened(name, rung)
         wanted = frozenset(BELIEFS[model] for model in rung.models if model in BELIEFS)
         rung.gathered(wanted, load_model(rung.checkpoint), folder / name)  # for all vehicles, so that plans are shared
     for vehicle in range(config.first, config.first + config.vehicles):
@@ -189,14 +179,10 @@ def summarise_ladder(runs: pd.DataFrame) -> dict[str, dict[str, Any]]:
 def medians_table(rungs: Sequence[Rung], summary: dict[str, dict[str, Any]]) -> str:
     """RMS e and runs completed by rung and model, as Markdown; empty where a rung changes nothing for a model."""
     models = list(dict.fromkeys(model for rung in rungs for model in rung.models))
-    lines = [
-        "| " + " | ".join(["median RMS e [m], completed", *(LABELS[model] for model in models)]) + " |",
-        "| " + " | ".join(["---"] * (1 + len(models))) + " |",
-    ]
-    for rung in rungs:
-        cells = [_cell(summary[rung.name][model]) if model in summary[rung.name] else "" for model in models]
-        lines.append("| " + " | ".join([rung.what, *cells]) + " |")
-    return "\n".join(lines)
+    heads = ("median RMS e [m], completed", *(LABELS[model] for model in models))
+    rows = [(rung.what, *(_cell(summary[rung.name][model]) if model in summary[rung.name] else "" for model in models))
+            for rung in rungs]  # fmt: skip
+    return "\n".join(tabulated(heads, rows))
 
 
 def _cell(entry: dict[str, Any]) -> str:
@@ -249,7 +235,6 @@ def main(config: ImprovementsConfig) -> None:
     between = {name: load_model(path).content_hash() for name, path in names_between(config).items()}
     free = ("vehicles", "first", "models", "between", "between_hash", "rungs", "run_on", "out")
     keep_settings(folder, dataclasses.asdict(config) | {"between_hash": between}, free)
-    write_versions(folder)
     rungs = [rung for rung in ladder(list(between)) if not config.rungs or rung.name in config.rungs]
     rungs = of_models(rungs, config.models)
     runs = drive_ladder(config, rungs, folder)
@@ -260,8 +245,6 @@ def main(config: ImprovementsConfig) -> None:
     write_report(folder, report, config)
     pictured = "twice_info" if "twice_info" in config.models else config.models[0]
     write_figure(picture(rungs, runs, pictured), folder / "improvements.png")
-    print(report)
-    print(f"results in {folder}")
 
 
 if __name__ == "__main__":

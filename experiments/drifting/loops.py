@@ -16,7 +16,7 @@ import numpy as np
 import pandas as pd
 
 from diagrams.command import run_command
-from drift_drake.common.run_folder import make_run_folder, write_json, write_versions
+from drift_drake.common.run_folder import write_json
 from drift_drake.common.safe_files import write_table
 from drift_drake.drive.loop.metrics import GRID, STEADY_SIDESLIP
 from drift_drake.drive.reference.trajectory import Reference
@@ -29,14 +29,7 @@ from experiments.drifting.report import (
     refusal_sentence,
     summarise,
 )
-from experiments.drifting.runs import (
-    Model,
-    ModelsConfig,
-    open_folder,
-    reference,
-    run_models,
-    run_name,
-)
+from experiments.drifting.runs import Model, ModelsConfig, opened, reference, run_models, run_name
 from experiments.made import tabulated, write_report
 
 # A drift is established where the car is this near to the reference's, and stays so for a while.
@@ -116,9 +109,7 @@ def initiation_table(summary: dict[str, Any]) -> str:
 def main(config: LoopsConfig) -> None:
     """Runs what is missing, then writes numbers and pictures."""
     config = config.resolved()
-    folder = make_run_folder("loops", config.out)
-    open_folder(folder, config)
-    write_versions(folder)
+    folder = opened("loops", config)
     course = reference("loops")
     runs = with_initiation(run_models(config, "loops", folder), folder, course)
     write_table(runs, folder / "runs.csv", index=False)
@@ -132,8 +123,6 @@ def main(config: LoopsConfig) -> None:
     )
     write_report(folder, report, config)
     draw(folder, runs, course, PICTURED)
-    print(report)
-    print(f"results in {folder}")
 
 
 if __name__ == "__main__":

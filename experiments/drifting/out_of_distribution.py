@@ -9,7 +9,6 @@ and on held-out ones whose friction drops at once on the way. Broken off, it goe
 """
 
 import dataclasses
-import json
 from pathlib import Path
 from typing import Any, Literal
 
@@ -20,8 +19,7 @@ from matplotlib.figure import Figure
 from diagrams.command import run_command
 from drift_drake.car.effects.magnitudes import Effects
 from drift_drake.car.parameters import VehicleParameters
-from drift_drake.common.executors import run_jobs
-from drift_drake.common.run_folder import is_done, make_run_folder, write_json, write_versions
+from drift_drake.common.run_folder import write_json
 from drift_drake.common.safe_files import write_figure, write_table
 from drift_drake.drive.learnt.adapter import BayesianAdapter
 from drift_drake.drive.learnt.checkpoint import BayesianModel, load_model
@@ -41,8 +39,9 @@ from drift_drake.view.colours import INK
 from drift_drake.view.style import BOUND, new_figure, styled
 from experiments.benchmarks.intervals import binomial
 from experiments.benchmarks.vehicles import Population, draw_effects
-from experiments.drifting.runs import DriftConfig, open_folder, reference
+from experiments.drifting.runs import DriftConfig, opened, reference
 from experiments.made import tabulated, write_report
+from experiments.settings import run_kept
 
 Group = Literal["calibration", "in distribution", "wide", "friction drop"]
 GROUPS: dict[Group, Population] = {"calibration": "validation", "in distribution": "held_out", "wide": "wide",
@@ -120,13 +119,7 @@ def drives(config: DetectionConfig, folder: Path) -> list[dict[str, Any]]:
             if group == "friction drop":
                 change = Change(config.drop_time, effects._replace(friction_level=effects.friction_level - config.drop))
             jobs.append(WatchJob(group, vehicle, seed, effects, change, model, config.adapting, config.control))
-
-    def write(job: WatchJob, result: dict[str, Any]) -> None:
-        write_json(folder / f"{job.name}.json", result)
-
-    missing = [job for job in jobs if not is_done(folder / f"{job.name}.json")]
-    run_jobs(config.run_on, watch, missing, write, "drive")
-    return [json.loads((folder / f"{job.name}.json").read_text()) for job in jobs]
+    return run_kept(config.run_on, watch, jobs, lambda job: folder / f"{job.name}.json", "drive")
 
 
 def alarm_time(distances: list[float], threshold: float, window: int, since: float = 0.0) -> float:
@@ -210,9 +203,7 @@ def picture(results: list[dict[str, Any]], summary: dict[str, Any], config: Dete
 
 def main(config: DetectionConfig) -> None:
     """Drives what is missing, calibrates, judges."""
-    folder = make_run_folder("out_of_distribution", config.out)
-    open_folder(folder, config)
-    write_versions(folder)
+    folder = opened("out_of_distribution", config)
     results = drives(config, folder)
     summary = judge(results, config)
     write_json(folder / "numbers.json", summary)
@@ -224,8 +215,6 @@ def main(config: DetectionConfig) -> None:
         folder / "runs.csv",
         index=False,
     )
-    print(text)
-    print(f"results in {folder}")
 
 
 if __name__ == "__main__":

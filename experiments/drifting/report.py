@@ -258,7 +258,7 @@ def paper_table(summary: dict[str, Any], error: str) -> str:
     for model in models:
         label = LABELS.get(model, model)
         header += [f"{label}, paper", "here"] if model in PAPER[error] else [label]
-    lines = [header, ["---"] * len(header)]
+    lines = []
     several = any(entry["attempts"] > 1 for entry in summary.values())
     for row, name in enumerate(("best", "median", "worst")):
         if not several and name != "median":
@@ -268,7 +268,7 @@ def paper_table(summary: dict[str, Any], error: str) -> str:
             here = f"{summary[model][f'{error}_of_attempts'][name]:.{digits}f}"
             cells += [f"{PAPER[error][model][row]:.{digits}f}", here] if model in PAPER[error] else [here]
         lines.append(cells)
-    return "\n".join("| " + " | ".join(cells) + " |" for cells in lines)
+    return "\n".join(tabulated(header, lines))
 
 
 def completed_of(runs: pd.DataFrame, models: Sequence[str]) -> pd.DataFrame:

@@ -28,7 +28,7 @@ from drift_drake.car.sensor_errors import sensor_errors
 from drift_drake.car.step_model import NominalStepModel, StepModel
 from drift_drake.common.errors import InvalidOptionError, meant
 from drift_drake.common.executors import ExecutorConfig, run_jobs
-from drift_drake.common.run_folder import is_done, write_json
+from drift_drake.common.run_folder import is_done, make_run_folder, write_json
 from drift_drake.common.safe_files import write_table
 from drift_drake.drive.learnt.adapter import DEFAULT_THRESHOLD, OFFSET_TIME, BayesianAdapter
 from drift_drake.drive.learnt.bayesian_step import PathStep
@@ -300,14 +300,13 @@ def run_name(model: str, vehicle: int, noise_seed: int) -> str:
     return f"{model}-{vehicle:03d}-{noise_seed}"
 
 
-def open_folder(folder: Path, config: DriftConfig) -> None:
-    """Writes config.json; more vehicles, seeds or models may join runs that are there, other settings may not.
+def opened(name: str, config: DriftConfig) -> Path:
+    """The run folder; more vehicles, seeds or models may join runs that are there, other settings may not.
 
     Raises:
         OtherExperimentError: the runs there were made with other settings or another checkpoint.
     """
-    hashes = {
-        "checkpoint": load_model(config.checkpoint).content_hash(),
-    }
-    free = ("vehicles", "first", "noise_seeds", "models", "parts", "run_on", "out")
-    keep_settings(folder, dataclasses.asdict(config) | hashes, free)
+    folder = make_run_folder(name, config.out)
+    settings = dataclasses.asdict(config) | {"checkpoint": load_model(config.checkpoint).content_hash()}
+    keep_settings(folder, settings, ("vehicles", "first", "noise_seeds", "models", "parts", "run_on", "out"))
+    return folder

@@ -22,14 +22,14 @@ from drift_drake.car.parameters import VehicleParameters
 from drift_drake.car.single_track.effects_step import EffectsStepModel
 from drift_drake.car.step_model import NominalStepModel, StepModel
 from drift_drake.common.arrays import Array
-from drift_drake.common.run_folder import make_run_folder, write_json, write_versions
+from drift_drake.common.run_folder import write_json
 from drift_drake.common.safe_files import write_table
 from drift_drake.drive.learnt.checkpoint import load_model
 from drift_drake.drive.learnt.quality import step_model
 from drift_drake.drive.reference.equilibrium import DriftEquilibrium, drift_equilibrium
 from experiments.benchmarks.vehicles import Population
-from experiments.drifting.runs import DriftConfig, open_folder
-from experiments.made import write_report
+from experiments.drifting.runs import DriftConfig, opened
+from experiments.made import tabulated, write_report
 
 RADIUS, SIDESLIP = 18.0, 0.6  # of `figure_8`
 STEPS = 3  # of 0.1 s after which the response is read
@@ -102,9 +102,7 @@ def steady_drift(model: StepModel, start: DriftEquilibrium) -> SteadyDrift:
 
 def run(config: SteadyDriftConfig) -> pd.DataFrame:
     """One row a vehicle and model."""
-    folder = make_run_folder("steady_drift", config.out)
-    open_folder(folder, config)
-    write_versions(folder)
+    folder = opened("steady_drift", config)
     learnt, parameters = load_model(config.checkpoint), VehicleParameters()
     start = drift_equilibrium(parameters, RADIUS, -SIDESLIP)
     gathered = config.gathered(frozenset({"twice_info"}), learnt, folder)
@@ -124,26 +122,22 @@ def run(config: SteadyDriftConfig) -> pd.DataFrame:
     write_table(found, folder / "steady_drifts.csv", index=False)
     write_report(folder, report(found), config)
     write_json(folder / "numbers.json", found.to_dict("records"))
-    print(report(found))
-    print(f"results in {folder}")
     return found
 
 
 def report(found: pd.DataFrame) -> str:
     """Medians and ranges over the vehicles, as Markdown; states that are none are left out and counted."""
     columns = ("v", "delta", "tau", "yaw_rate_by_steering", "yaw_rate_by_torque", "rim_speed_by_torque")
-    lines = [
-        "| model | v [m/s] | delta [rad] | tau [N m] | yaw rate [rad/s] by 0.1 rad | by 30 N m | rim speed [m/s] "
-        "by 30 N m | no such state |",
-        "|" + " --- |" * 8,
-    ]
+    heads = ("model", "v [m/s]", "delta [rad]", "tau [N m]", "yaw rate [rad/s] by 0.1 rad", "by 30 N m",
+             "rim speed [m/s] by 30 N m", "no such state")  # fmt: skip
+    rows = []
     for model, group in found.groupby("model", sort=False):
         steady = group[group["residual"] < TOLERANCE]
         cells = [
             f"{steady[name].median():.3g} ({steady[name].min():.3g} to {steady[name].max():.3g})" for name in columns
         ]
-        lines.append(f"| {model} | {' | '.join(cells)} | {len(group) - len(steady)} of {len(group)} |")
-    return "\n".join(lines)
+        rows.append((model, *cells, f"{len(group) - len(steady)} of {len(group)}"))
+    return "\n".join(tabulated(heads, rows))
 
 
 if __name__ == "__main__":

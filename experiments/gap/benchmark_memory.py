@@ -20,11 +20,11 @@ from diagrams.command import run_command
 from drift_drake.car.log.table import write_run
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.car.vehicle_file import write_vehicle
-from drift_drake.common.run_folder import machine, make_run_folder
+from drift_drake.common.run_folder import machine
 from experiments.benchmarks.compiled_cases import make_case
 from experiments.benchmarks.drivers import MANOEUVRES
 from experiments.benchmarks.truths import Truth
-from experiments.made import tabulated, write_benchmark
+from experiments.made import begun, tabulated, write_benchmark
 
 EFFECT = {"aero_drag": 0.6}
 OFF = {"mass": 0.01, "torque": -0.02, "front_stiffness": 0.02}  # of the vehicle file
@@ -160,7 +160,7 @@ def table(rows: Sequence[dict[str, Any]]) -> str:
 
 def main(config: BenchmarkConfig) -> None:
     """Runs, prints and stores the benchmark."""
-    folder = make_run_folder("benchmark_memory", config.out)
+    folder = begun("benchmark_memory", config)
     rows = run(config, folder)
     write_benchmark(folder, config, rows, table(rows))
 

@@ -18,7 +18,7 @@ import numpy as np
 from diagrams.command import run_command
 from drift_drake.car.effects.magnitudes import Effects
 from drift_drake.car.parameters import VehicleParameters
-from drift_drake.common.run_folder import machine, make_run_folder
+from drift_drake.common.run_folder import machine
 from drift_drake.common.threads import one_blas_thread
 from drift_drake.drive.learnt.checkpoint import load_model
 from drift_drake.drive.learnt.quality import step_model
@@ -26,8 +26,9 @@ from drift_drake.gap.estimation.problem import filter_case, make_problem, observ
 from drift_drake.gap.estimation.windows import HORIZONS, STRIDE, errors, windowed
 from experiments.benchmarks.compiled_cases import make_case
 from experiments.benchmarks.truths import Truth
-from experiments.drifting.benchmark_simulation import car_alone, cpu
-from experiments.made import tabulated, write_benchmark
+from experiments.drifting.benchmark_simulation import car_alone
+from experiments.drifting.timed_parts import cpu
+from experiments.made import begun, tabulated, write_benchmark
 
 EFFECT = {"rear_stiffness_error": -0.1}
 AHEAD = HORIZONS * STRIDE  # [s]
@@ -109,7 +110,7 @@ def table(numbers: dict[str, dict[str, Any]]) -> str:
 
 def main(config: BenchmarkConfig) -> None:
     """Runs, prints and stores the benchmark."""
-    folder = make_run_folder("benchmark_rollouts", config.out)
+    folder = begun("benchmark_rollouts", config)
     numbers = run(config)
     write_benchmark(folder, config, numbers, table(numbers))
 

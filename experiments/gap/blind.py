@@ -223,7 +223,6 @@ def score(command: Score) -> None:
     write_report(command.out, text, command)
     draw_scores(pairs, command.out)
     write_results_table(command.out, [scored_row(command.out, label) for label, _ in pairs])
-    print(text)
 
 
 def calibrate(command: Calibrate) -> None:

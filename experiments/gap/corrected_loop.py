@@ -10,9 +10,8 @@ as they come, right or wrong. Broken off, the experiment goes on where it was (g
 """
 
 import dataclasses
-import json
 from collections.abc import Sequence
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -27,7 +26,7 @@ from diagrams.command import run_command
 from drift_drake.car.effects.magnitudes import Effects
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.car.step_model import NominalStepModel
-from drift_drake.common.run_folder import is_done, make_run_folder, write_json, write_versions
+from drift_drake.common.run_folder import write_json
 from drift_drake.common.safe_files import write_table
 from drift_drake.drive.loop.closed_loop import ClosedLoop
 from drift_drake.drive.reference.trajectory import figure_8
@@ -38,7 +37,8 @@ from drift_drake.view.style import new_figure, save, styled
 from experiments.benchmarks.drake_cases import drake_case
 from experiments.benchmarks.intervals import bootstrap
 from experiments.benchmarks.truths import Truth, drawn_truth, true_car
-from experiments.made import tabulated, write_report
+from experiments.made import begun, tabulated, write_report
+from experiments.settings import kept
 
 PREDICTORS = ("nominal", "corrected", "real again")
 JUDGED = {"rms_e": "RMS e [m]", "rms_sideslip_error": "RMS sideslip error [rad]", "completion": "completion [-]"}
@@ -188,23 +188,15 @@ def picture(results: Sequence[dict[str, Any]]) -> Figure:
 
 def main(config: CorrectedLoopConfig) -> None:
     """Runs the vehicles that are missing, then writes numbers and the picture."""
-    folder = make_run_folder("corrected_loop", config.out)
-    write_json(folder / "config.json", config)
-    write_versions(folder)
-    results = []
-    for index in tqdm(range(config.vehicles), unit="vehicle"):
-        file = folder / f"vehicle-{index:03d}.json"
-        if not is_done(file):
-            write_json(file, one_vehicle(index, config))
-        results.append(json.loads(file.read_text()))
+    folder = begun("corrected_loop", config)
+    results = [kept(folder / f"vehicle-{index:03d}.json", partial(one_vehicle, index, config))
+               for index in tqdm(range(config.vehicles), unit="vehicle")]  # fmt: skip
     summary = summarise(results)
     write_json(folder / "numbers.json", summary)
     rows = [as_row(result) for result in results]
     write_table(pd.DataFrame(rows), folder / "vehicles.csv", index=False)
     save(picture(results), folder / "corrected_loop.png")
     write_report(folder, table(summary), config)
-    print(table(summary))
-    print(f"results in {folder}")
 
 
 if __name__ == "__main__":

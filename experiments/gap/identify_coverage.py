@@ -17,7 +17,7 @@ from matplotlib.figure import Figure
 
 from diagrams.command import run_command
 from drift_drake.car.parameters import VehicleParameters
-from drift_drake.common.run_folder import make_run_folder, write_json
+from drift_drake.common.run_folder import write_json
 from drift_drake.common.safe_files import write_figure
 from drift_drake.gap.identification.identify import identify
 from experiments.benchmarks.compiled_cases import make_case
@@ -25,7 +25,7 @@ from experiments.benchmarks.drake_cases import drake_case
 from experiments.benchmarks.intervals import binomial, bootstrap
 from experiments.benchmarks.truths import Truth, true_constants
 from experiments.gap.each_vehicle import each_vehicle
-from experiments.made import write_report
+from experiments.made import begun, write_report
 
 DEVIATIONS = {  # one standard deviation of the truth from the default file, relative or in the parameter's unit
     "mass": 0.01,
@@ -148,7 +148,7 @@ def draw(found: dict[str, Any], path: Path) -> None:
 
 def main(config: Config) -> None:
     """Identifies the vehicles that are not done yet, and sums up."""
-    folder = make_run_folder("identify_coverage", config.out)
+    folder = begun("identify_coverage", config)
     found: dict[str, Any] = {}
     for results in each_vehicle(folder, config, config.vehicles, one_vehicle):
         found = numbers(results)
@@ -160,7 +160,6 @@ def main(config: Config) -> None:
         f"{found['vehicles']} vehicles; {found['seconds_median']:.1f} s of CPU each in the median"
     )
     write_report(folder, text, config)
-    print(text)
 
 
 if __name__ == "__main__":

@@ -20,7 +20,7 @@ from drift_drake.car.effects.catalogue import CATALOGUE
 from drift_drake.car.given_vehicle import single_track_of
 from drift_drake.car.log.table import Run
 from drift_drake.car.parameters import VehicleParameters
-from drift_drake.common.run_folder import make_run_folder, write_json
+from drift_drake.common.run_folder import write_json
 from drift_drake.gap.diagnosis.calibrated.diagnose_change import diagnose_change
 from drift_drake.gap.diagnosis.likelihood.diagnose import diagnose
 from drift_drake.gap.identification.calibration import Identification
@@ -29,7 +29,7 @@ from experiments.benchmarks.compiled_cases import make_case
 from experiments.benchmarks.intervals import binomial
 from experiments.benchmarks.truths import Truth, drawn_deviations, drawn_magnitude
 from experiments.gap.each_vehicle import Results, each_vehicle
-from experiments.made import tabulated, write_report
+from experiments.made import begun, tabulated, write_report
 
 DISCREPANCIES = {  # the least and the largest magnitude; a sign is drawn for the compliance steer and the brake
     "tyre_curve": (0.05, 0.3),
@@ -169,13 +169,12 @@ def counts(found: dict[str, Any]) -> str:
 
 def main(config: Config) -> None:
     """Does the cars that are not done yet, and sums up."""
-    folder = make_run_folder("model_discrepancy", config.out)
+    folder = begun("model_discrepancy", config)
     results: Results = []
     for results in each_vehicle(folder, config, config.vehicles, one_vehicle):
         write_json(folder / "numbers.json", numbers(results))
     text = f"{table(results)}\n\n{counts(numbers(results))}"
     write_report(folder, text, config)
-    print(text)
 
 
 if __name__ == "__main__":

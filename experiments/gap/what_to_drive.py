@@ -11,8 +11,8 @@ Broken off, the experiment goes on where it was (give --out).
 """
 
 import dataclasses
-import json
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +24,7 @@ from diagrams.command import run_command
 from drift_drake.car.log.table import Run
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.car.step_model import NominalStepModel
-from drift_drake.common.run_folder import is_done, make_run_folder, write_json, write_versions
+from drift_drake.common.run_folder import write_json
 from drift_drake.drive.mpc.plan import DT
 from drift_drake.drive.mpc.tracking import tracking_gains
 from drift_drake.gap.diagnosis.answers.answer import UnplannableError
@@ -37,7 +37,8 @@ from drift_drake.view.style import new_figure, save, styled
 from experiments.benchmarks.drake_cases import drive
 from experiments.benchmarks.drivers import PERIOD, STEERING_RATE, TORQUE_RATE, slewed
 from experiments.benchmarks.truths import drawn_truth
-from experiments.made import tabulated, write_report
+from experiments.made import begun, tabulated, write_report
+from experiments.settings import kept
 
 SETTLED = 0.9  # probability of the truth from which on a first log leaves nothing open
 GENTLE, GENTLE_PERIOD = 0.3, 9.0  # [m], [s] of the first drive's sway
@@ -208,25 +209,18 @@ def picture(cases: Sequence[dict[str, Any]]) -> Figure:
 
 def main(config: WhatToDriveConfig) -> None:
     """Runs cases until enough were ambiguous, then writes numbers and the picture."""
-    folder = make_run_folder("what_to_drive", config.out)
-    write_json(folder / "config.json", config)
-    write_versions(folder)
+    folder = begun("what_to_drive", config)
     cases: list[dict[str, Any]] = []
     with tqdm(total=config.ambiguous, unit="ambiguous case") as bar:
         for index in range(config.most):
             if bar.n == config.ambiguous:
                 break
-            file = folder / f"case-{index:03d}.json"
-            if not is_done(file):
-                write_json(file, one_case(index, config))
-            cases.append(json.loads(file.read_text()))
+            cases.append(kept(folder / f"case-{index:03d}.json", partial(one_case, index, config)))
             bar.update(int(cases[-1]["ambiguous"]))
     summary = summarise(cases)
     write_json(folder / "numbers.json", summary)
     save(picture(cases), folder / "what_to_drive.png")
     write_report(folder, table(summary), config)
-    print(table(summary))
-    print(f"results in {folder}")
 
 
 if __name__ == "__main__":

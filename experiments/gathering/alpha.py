@@ -9,7 +9,6 @@ Written: a file each weight and vehicle, numbers.json, report.md. Broken off, it
 """
 
 import dataclasses
-import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any
@@ -19,8 +18,8 @@ import tyro
 
 from diagrams.command import run_command
 from drift_drake.car.parameters import VehicleParameters
-from drift_drake.common.executors import ExecutorConfig, run_jobs
-from drift_drake.common.run_folder import is_done, make_run_folder, write_json, write_versions
+from drift_drake.common.executors import ExecutorConfig
+from drift_drake.common.run_folder import make_run_folder, write_json
 from drift_drake.drive.gathering.config import GatheringConfig
 from drift_drake.drive.gathering.gather import taught
 from drift_drake.drive.gathering.plan import InfeasiblePlanError, Trajectory, plan_again, plan_drive
@@ -29,7 +28,7 @@ from drift_drake.drive.learnt.posterior import covariance_norms
 from experiments.benchmarks.vehicles import Population, draw_effects
 from experiments.gathering.recipe import as_in_paper
 from experiments.made import tabulated, write_report
-from experiments.settings import keep_settings
+from experiments.settings import keep_settings, run_kept
 
 AS_MUCH = 0.98  # of the most information, from which on a weight tells as much
 
@@ -142,21 +141,16 @@ def main(config: AlphaConfig) -> None:
     """Plans and drives what the folder lacks, and chooses."""
     folder = make_run_folder("alpha", config.out)
     keep_settings(folder, dataclasses.asdict(config), ("alphas", "vehicles", "first", "run_on", "out"))
-    write_versions(folder)
     vehicles = range(config.first, config.first + config.vehicles)
     jobs: list[Job] = [(config, alpha, vehicle) for alpha in config.alphas for vehicle in (-1, *vehicles)]
 
     def file(job: Job) -> Path:
         return folder / (f"plans-{job[1]:g}.json" if job[2] < 0 else f"vehicle-{job[1]:g}-{job[2]:03d}.json")
 
-    missing = [job for job in jobs if not is_done(file(job))]
-    run_jobs(config.run_on, found_of, missing, lambda job, found: write_json(file(job), found), "drive", None, 20)
-    summary = summarise(config, {job[1:]: json.loads(file(job).read_text()) for job in jobs})
+    found = run_kept(config.run_on, found_of, jobs, file, "drive", 20)
+    summary = summarise(config, {job[1:]: entry for job, entry in zip(jobs, found, strict=True)})
     write_json(folder / "numbers.json", summary)
-    text = report(summary)
-    write_report(folder, text, config)
-    print(text)
-    print(f"results in {folder}")
+    write_report(folder, report(summary), config)
 
 
 if __name__ == "__main__":

@@ -19,14 +19,14 @@ import numpy as np
 
 from diagrams.command import run_command
 from drift_drake.car.effects.magnitudes import Effects
-from drift_drake.common.run_folder import machine, make_run_folder
+from drift_drake.common.run_folder import machine
 from drift_drake.drive.gathering.config import GatheringConfig
 from drift_drake.drive.gathering.gather import gather, learn_drive, plan_rest
 from drift_drake.drive.gathering.plan import Trajectory, plan_again, plan_drive
 from drift_drake.drive.learnt.checkpoint import load_model
 from drift_drake.drive.mpc.sqp import LineSearchSqp
 from experiments.benchmarks.vehicles import draw_effects
-from experiments.made import tabulated, write_benchmark
+from experiments.made import begun, tabulated, write_benchmark
 
 PLANS = ("OCP", "Info-OCP, first", "Info-OCP, later", "Info-OCP, replanned")
 REPLAN = 0.5  # [s] from one plan to the next
@@ -117,7 +117,7 @@ def table(numbers: dict[str, Any]) -> str:
 
 def main(config: BenchmarkConfig) -> None:
     """Runs, prints and stores the benchmark."""
-    folder, gathering = make_run_folder("benchmark_planning", config.out), GatheringConfig()
+    folder, gathering = begun("benchmark_planning", config), GatheringConfig()
     vehicle(0, config, dataclasses.replace(gathering, steps=12, v_end=9.0, starts=1))  # compiles
     vehicles = [vehicle(index, config, gathering) for index in range(config.vehicles)]
     numbers = {"machine": machine(), "vehicles": vehicles}

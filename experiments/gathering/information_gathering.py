@@ -27,7 +27,7 @@ from drift_drake.car.effects.magnitudes import Effects
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.common.errors import DriftDrakeError
 from drift_drake.common.executors import ExecutorConfig, run_jobs
-from drift_drake.common.run_folder import is_done, make_run_folder, write_json, write_versions
+from drift_drake.common.run_folder import write_json
 from drift_drake.common.safe_files import write_arrays, write_table
 from drift_drake.drive.gathering.config import GatheringConfig
 from drift_drake.drive.gathering.gather import taught
@@ -43,7 +43,8 @@ from experiments.drifting.errors import drifting_errors, judged_by_halves
 from experiments.gathering.pictures import draw_all
 from experiments.gathering.recipe import Recipe
 from experiments.gathering.summary import markdown, summarise, summarise_halves
-from experiments.made import write_report
+from experiments.made import begun, write_report
+from experiments.settings import kept
 
 # The baselines: of the sizes tried on validation vehicles, those that gathered most without leaving the lane.
 RANDOM_STEERING, RANDOM_PERIOD = 0.05, 0.4  # [rad], [s]
@@ -219,18 +220,14 @@ class _Vehicle:
 def run_vehicle(job: tuple[InformationConfig, Shared, Path, int]) -> None:
     """One vehicle; its numbers and logs go into the folder, unless they are there already."""
     config, shared, folder, index = job
-    numbers = folder / f"vehicle-{index:03d}.json"
-    if not is_done(numbers):
-        write_json(numbers, _Vehicle(config, index).run(shared, folder))
+    kept(folder / f"vehicle-{index:03d}.json", lambda: _Vehicle(config, index).run(shared, folder))
 
 
 def main(config: InformationConfig) -> None:
     """Runs all vehicles, then writes numbers and pictures."""
     config = config.resolved()
     drives_file(config)  # asked for before anything is driven
-    folder = make_run_folder("information_gathering", config.out)
-    write_json(folder / "config.json", config)
-    write_versions(folder)
+    folder = begun("information_gathering", config)
     shared = make_shared(config)
     indices = range(config.first, config.first + config.vehicles)
     jobs = [(config, shared, folder, index) for index in indices]
@@ -241,12 +238,9 @@ def main(config: InformationConfig) -> None:
     summary["halves"] = summarise_halves([result["halves"] for result in results])
     summary["plan_seconds"] = shared.seconds | {"load average": shared.load_average}
     write_json(folder / "numbers.json", summary)
-    text = markdown(summary)
-    write_report(folder, text, config)
+    write_report(folder, markdown(summary), config)
     model = load_model(config.checkpoint)
     draw_all(folder, results, model, config.population, config.drives_seed, config.gathering)
-    print(text)
-    print(f"results in {folder}")
 
 
 if __name__ == "__main__":

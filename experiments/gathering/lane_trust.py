@@ -23,7 +23,7 @@ from diagrams.command import run_command
 from drift_drake.car.effects.magnitudes import Effects
 from drift_drake.common.arrays import Array
 from drift_drake.common.executors import ExecutorConfig
-from drift_drake.common.run_folder import make_run_folder, write_json, write_versions
+from drift_drake.common.run_folder import make_run_folder, write_json
 from drift_drake.common.safe_files import write_figure
 from drift_drake.drive.learnt.checkpoint import BayesianModel, load_model
 from drift_drake.gap.choose.choice import REFUSED, Choice, Familiar, Findings
@@ -158,7 +158,6 @@ def main(config: LaneTrust) -> None:
     learnt = load_model(config.checkpoint)
     settings = dataclasses.asdict(config) | {"checkpoint": learnt.content_hash()}
     keep_settings(folder, settings, ("vehicles", "first", "add_to", "run_on", "out"))
-    write_versions(folder)
     found = judge(config, learnt, folder)
     surprise, error = usual_of(found)
     numbers: dict[str, Any] = {
@@ -171,8 +170,6 @@ def main(config: LaneTrust) -> None:
     write_figure(draw(found, surprise, error), folder / "lane_trust.png")
     if config.add_to is not None:
         keep_usual(learnt, error, surprise, config.add_to)
-    print(report(found, surprise, error))
-    print(f"results in {folder}")
 
 
 if __name__ == "__main__":

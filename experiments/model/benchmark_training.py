@@ -13,10 +13,10 @@ from typing import Any
 import torch
 
 from diagrams.command import run_command
-from drift_drake.common.run_folder import machine, make_run_folder
+from drift_drake.common.run_folder import machine
 from drift_drake.drive.learnt.meta_training import train
 from drift_drake.drive.learnt.training_config import TrainingConfig
-from experiments.made import tabulated, write_benchmark
+from experiments.made import begun, tabulated, write_benchmark
 
 
 @dataclasses.dataclass(frozen=True)
@@ -73,7 +73,7 @@ def table(numbers: dict[str, Any]) -> str:
 
 def main(config: BenchmarkConfig) -> None:
     """Trains on each device, prints and stores the times."""
-    folder = make_run_folder("benchmark_training", config.out)
+    folder = begun("benchmark_training", config)
     there = [name for name in config.devices if name != "cuda" or torch.cuda.is_available()]
     found = {name: timed(config, name, folder) for name in there}
     numbers: dict[str, Any] = {

@@ -22,14 +22,14 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from drift_drake.car.step_model import NominalStepModel
-from drift_drake.common.run_folder import make_run_folder, write_json, write_versions
+from drift_drake.common.run_folder import write_json
 from drift_drake.common.safe_files import write_figure
 from drift_drake.drive.learnt.checkpoint import BayesianModel, load_model
 from drift_drake.drive.learnt.posterior import covariance_norms
 from drift_drake.drive.learnt.quality import Split, adapted, split_vehicle, standardized_errors, step_model
 from drift_drake.drive.learnt.samples import concatenate, load_samples
 from experiments.benchmarks.vehicles import Population, draw_effects
-from experiments.made import tabulated, write_report
+from experiments.made import begun, tabulated, write_report
 from experiments.model.judging import (
     GAUSSIAN_COVERAGE,
     judge_stepper,
@@ -221,9 +221,7 @@ def draw_rollouts(result: dict[str, Any], file: Path) -> None:
 
 def main(config: QualityConfig) -> None:
     """Writes the run folder."""
-    folder = make_run_folder("model_quality", config.out)
-    write_json(folder / "config.json", config)
-    write_versions(folder)
+    folder = begun("model_quality", config)
     result = run(config)
     write_json(folder / "numbers.json", result)
     draw_errors(result, folder / "one_step_errors.png")
@@ -233,7 +231,6 @@ def main(config: QualityConfig) -> None:
     for population in POPULATIONS:
         _draw_uncertainties(config, model, population, folder / f"uncertainties_{population}.png")
     write_report(folder, "\n\n".join(table(result, population) for population in POPULATIONS), config)
-    print(folder)
 
 
 if __name__ == "__main__":

@@ -13,11 +13,9 @@ import numpy as np
 import tyro
 
 from diagrams.command import run_command
-from drift_drake.car.effects.magnitudes import Effects, make_effects
-from drift_drake.gap.monitoring.monitor import after_row
 from drift_drake.gap.monitoring.watch import mistakable, rows_of
 from experiments.monitoring.cars import Simulator, double_track_simulator
-from experiments.monitoring.comparison import ONSETS, PLANTS, SECONDS, Job, drawn_change, drive, traced
+from experiments.monitoring.comparison import SECONDS, Job, driven
 
 
 @dataclasses.dataclass(frozen=True)
@@ -32,29 +30,15 @@ class Config:
 
 def leading(job: Job) -> tuple[str, str, tuple[str, ...]]:
     """(the true cause, the one that leads, those that look like it) of one drive."""
-    for attempt in range(20):
-        seeds = [job.seed, PLANTS.index(job.plant), 1, attempt]
-        onset = float(np.random.default_rng([*seeds, 1]).uniform(*ONSETS))
-        run = drive(job, np.random.default_rng(seeds), Effects(), onset, attempt)
-        if run.t[-1] < onset + SECONDS:
-            continue
-        monitor = job.simulator.monitor(run)
-        change = drawn_change(monitor, traced(monitor, run), onset, job.plant, np.random.default_rng([*seeds, 2]))
-        if change is None:
-            continue
-        run = drive(job, np.random.default_rng(seeds), make_effects({change[0]: change[1]}), onset, attempt)
-        if run.t[-1] >= onset + SECONDS:
-            break
-    else:
-        raise RuntimeError(f"{job.name}: no drive in 20 attempts")
+    run, truth, _ = driven(job)
     monitor = job.simulator.monitor(run)
     state = monitor.start()
     for row in rows_of(run):
-        if row.t <= onset + SECONDS:
-            state = after_row(monitor, state, row.y, row.command, row.t)
+        if row.t <= truth["onset"] + SECONDS:
+            state = monitor.after_row(state, row.y, row.command, row.t)
     name = monitor.labels[1 + int(np.argmax(state.verdict[1:-4]))]
     at = monitor.at_edge(state)
-    return change[0], name, () if at is None else mistakable(monitor.problem, *at, name)
+    return truth["effect"], name, () if at is None else mistakable(monitor.problem, *at, name)
 
 
 def main(config: Config) -> None:

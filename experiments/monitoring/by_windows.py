@@ -11,7 +11,7 @@ import dataclasses
 import time
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 import numpy as np
 import tyro
@@ -163,9 +163,7 @@ def main(config: Config) -> None:
     """Makes, watches and counts; prints the table."""
     files = calibrated(config)
     found = [watched(config, files, *drive) for drive in drives(config)]
-    data: list[dict[str, Any]] = [dataclasses.asdict(w) for w in found]
-    write_json(config.out / "drives.json", data)
-    print(table(found))
+    write_json(config.out / "drives.json", found)
     write_report(config.out, table(found), config)
 
 

@@ -11,7 +11,6 @@ again. Prints one table, and writes it to OUT/report.md.
 """
 
 import dataclasses
-import json
 from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
@@ -30,7 +29,7 @@ from drift_drake.car.parameters import VehicleParameters
 from drift_drake.car.single_track.effects_step import EffectsStepModel
 from drift_drake.car.step_model import NominalStepModel, StepModel
 from drift_drake.car.vehicle_file import write_vehicle
-from drift_drake.common.executors import ExecutorConfig, run_jobs
+from drift_drake.common.executors import ExecutorConfig
 from drift_drake.common.run_folder import is_done, write_json, write_versions
 from drift_drake.drive.learnt.adapter import BayesianAdapter
 from drift_drake.drive.learnt.checkpoint import load_model
@@ -48,6 +47,7 @@ from drift_drake.gap.monitoring.watch import WATCHED
 from experiments.benchmarks.intervals import binomial
 from experiments.made import tabulated, write_report
 from experiments.other_worlds.true_cars import OwnCar, double_track_of, true_plant
+from experiments.settings import run_kept
 
 Mode = Literal["off", "watch", "correct", "slow", "correct_or_slow", "online", "online_forget"]
 MODES: tuple[Mode, ...] = get_args(Mode)
@@ -264,15 +264,10 @@ def main(config: Config) -> None:
         calibrate(plant, config.out)
     jobs = [Job(plant, change, mode, seed, calibration) for seed in range(config.first, config.first + config.seeds)
             for plant in config.plants for change in config.changes for mode in config.modes]  # fmt: skip
-    paths = {job.name: config.out / f"{job.name}.json" for job in jobs}
     config.out.mkdir(parents=True, exist_ok=True)
     write_versions(config.out)
-    run_jobs(config.executor, drive, [job for job in jobs if not is_done(paths[job.name])],
-             lambda job, result: write_json(paths[job.name], result), "drive")  # fmt: skip
-    results = [json.loads(path.read_text()) for path in paths.values() if is_done(path)]
-    text = f"{table(results)}\n\n{pairs(results)}\n"
-    write_report(config.out, text, config)
-    print(text)
+    results = run_kept(config.executor, drive, jobs, lambda job: config.out / f"{job.name}.json", "drive")
+    write_report(config.out, f"{table(results)}\n\n{pairs(results)}\n", config)
 
 
 if __name__ == "__main__":

@@ -24,7 +24,7 @@ from drift_drake.car.effects.magnitudes import Effects, make_effects
 from drift_drake.car.log.table import Run
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.common.errors import DriftDrakeError
-from drift_drake.common.executors import ExecutorConfig, run_jobs
+from drift_drake.common.executors import ExecutorConfig
 from drift_drake.common.run_folder import is_done, write_json, write_versions
 from drift_drake.drive.learnt.checkpoint import load_model
 from drift_drake.drive.learnt.command_lag import lagged_commands
@@ -42,6 +42,7 @@ from experiments.monitoring.limits import limits
 from experiments.monitoring.peers import augmented_filters, chi_square, cumulative_sum
 from experiments.monitoring.scoring import METHODS, Score, score, table, threshold
 from experiments.other_worlds.drivers import DAY_ONE
+from experiments.settings import run_kept
 
 Plant = Literal["nominal", "double_track"]
 PLANTS: tuple[Plant, ...] = ("nominal", "double_track")
@@ -125,9 +126,8 @@ def drawn_change(
     return name, q, limit_of
 
 
-def watch(job: Job) -> dict[str, Any]:
-    """What every method says of one drive, at 10 Hz."""
-    simulator = job.simulator
+def driven(job: Job) -> tuple[Run, dict[str, Any], int]:
+    """A drive long enough to judge, what is true of it, and at which attempt it came about."""
     for attempt in range(20):
         seeds = [job.seed, PLANTS.index(job.plant), int(job.changed), attempt]
         onset = float(np.random.default_rng([*seeds, 1]).uniform(*ONSETS))
@@ -136,7 +136,7 @@ def watch(job: Job) -> dict[str, Any]:
             continue
         truth: dict[str, Any] = {}
         if job.changed:
-            monitor = simulator.monitor(run)
+            monitor = job.simulator.monitor(run)
             change = drawn_change(monitor, traced(monitor, run), onset, job.plant, np.random.default_rng([*seeds, 2]))
             if change is None:
                 continue
@@ -145,9 +145,15 @@ def watch(job: Job) -> dict[str, Any]:
             if run.t[-1] < onset + SECONDS:
                 continue
             truth = {"effect": name, "magnitude": q, "limit": limit, "onset": onset}
-        return {"plant": job.plant, "seed": job.seed, "attempt": attempt, "truth": truth,
-                "duration": float(run.t[-1])} | said(simulator.monitor(run), run, truth)  # fmt: skip
+        return run, truth, attempt
     raise RuntimeError(f"{job.name}: no drive in 20 attempts")
+
+
+def watch(job: Job) -> dict[str, Any]:
+    """What every method says of one drive, at 10 Hz."""
+    run, truth, attempt = driven(job)
+    return {"plant": job.plant, "seed": job.seed, "attempt": attempt, "truth": truth,
+            "duration": float(run.t[-1])} | said(job.simulator.monitor(run), run, truth)  # fmt: skip
 
 
 def said(monitor: Monitor, run: Run, truth: dict[str, Any]) -> dict[str, Any]:
@@ -222,10 +228,8 @@ def run_make(command: Make) -> None:
     simulators = {"nominal": Simulator(VehicleParameters()), "double_track": double_track_simulator(command.out)}
     jobs = [Job(plant, changed, seed, simulators[plant]) for seed in range(command.first, command.first + command.count)
             for plant in PLANTS for changed in (False, True)]  # fmt: skip
-    paths = {job.name: command.out / f"{job.name}.json" for job in jobs}
     write_versions(command.out)
-    run_jobs(command.executor, watch, [job for job in jobs if not is_done(paths[job.name])],
-             lambda job, result: write_json(paths[job.name], result), "drive")  # fmt: skip
+    run_kept(command.executor, watch, jobs, lambda job: command.out / f"{job.name}.json", "drive")
 
 
 def run_score(command: Judge) -> None:
@@ -239,7 +243,6 @@ def run_score(command: Judge) -> None:
         some = scores[plant]["monitor"]
         counts = f"{plant}: {some.changed} drives with a change, {some.minutes:.0f} min without"
         parts.append(f"{counts}\n\n{table(scores[plant])}\n")
-    print(*parts, sep="\n")
     write_report(command.out, "\n".join(parts), command)
     write_json(command.out / f"scores-{command.first:05d}.json", scores)
 

@@ -19,12 +19,12 @@ from matplotlib.figure import Figure
 
 from diagrams.command import run_command
 from drift_drake.car.log.table import run_paths
-from drift_drake.common.run_folder import make_run_folder, write_json, write_versions
+from drift_drake.common.run_folder import write_json
 from drift_drake.common.safe_files import write_text
 from drift_drake.gap.identification.options import Criterion
 from drift_drake.view.colours import REFERENCE, RUNS
 from drift_drake.view.style import legend_above, new_figure, save, styled
-from experiments.made import made, tabulated
+from experiments.made import begun, made, tabulated
 from experiments.other_worlds.jobs import Calibrate
 from experiments.other_worlds.road import DAY_ONE, InvalidWorldError, Road, answered, score, worlds_by_name
 from experiments.other_worlds.scoring import median_of, said_value, share
@@ -168,9 +168,7 @@ def written(results: Mapping[int, Mapping[str, Any]], names: Sequence[str], fold
 def main(config: Baselines) -> None:
     """Everything."""
     worlds = worlds_by_name(config.worlds, config.baseline)
-    folder = make_run_folder("baselines", config.out)
-    write_json(folder / "config.json", config)
-    write_versions(folder)
+    folder = begun("baselines", config)
     results = {count: road_of(count, worlds, config, folder) for count in sorted(set(config.counts))}
     print(written(results, list(worlds), folder, made(config)))
 

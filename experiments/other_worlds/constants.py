@@ -19,23 +19,19 @@ import tyro
 from tqdm import tqdm
 
 from diagrams.command import run_command
-from drift_drake.common.run_folder import make_run_folder, write_json, write_versions
+from drift_drake.common.run_folder import write_json
 from drift_drake.common.safe_files import write_text
 from drift_drake.gap.estimation import baseline, prediction_constants
-from drift_drake.gap.estimation.baseline import (
-    Known,
-    Spread,
-    Stretches,
-)
+from drift_drake.gap.estimation.baseline import Known, Spread, Stretches
 from drift_drake.gap.evidence import constants as of_diagnosis
 from drift_drake.gap.evidence import left_out as judging
 from drift_drake.gap.evidence import left_over as leaving
 from drift_drake.gap.evidence import ranking
 from drift_drake.gap.evidence.posterior import NONE, UNKNOWN, PosteriorConstants
-from experiments.made import made, tabulated
+from experiments.made import begun, made, tabulated
 from experiments.other_worlds.road import DAY_ONE, worlds_by_name
 from experiments.other_worlds.scoring import TOO, said_share, share
-from experiments.other_worlds.stretches import FACTORS, KeptDay, KeptWorld, kept_world
+from experiments.other_worlds.stretches import FACTORS, Calibrated, KeptDay, kept_world
 
 USED_IN: tuple[ModuleType, ...] = (baseline, judging, leaving, ranking)
 """Modules that read the constants, as names of their own."""
@@ -51,6 +47,7 @@ NOT_SEEN = {
 """Constants that decide nothing to first order, and what they decide instead."""
 LEAST_P = 1e-4  # probability of the truth below which a day costs no more
 UNCHANGED = "as they are"
+World = tuple[Calibrated, Sequence[KeptDay]]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -120,34 +117,34 @@ def changed(name: str, factor: float) -> Iterator[None]:
             setattr(module, first, old)
 
 
-def learnt(world: KeptWorld, regular: float) -> tuple[Spread, Known, float]:
+def learnt(car: Calibrated, regular: float) -> tuple[Spread, Known, float]:
     """How scores of the calibrated car scatter, what is known of it, and the scale, with the constants as they are now.
 
     Args:
         regular: times `REGULAR`, that the scores are projected with.
     """
-    seen = world.baseline[regular]
-    spread = baseline.spread_of(seen, world.names, world.least_deviations)
-    before = baseline.with_partial(baseline.left_of(world.prior, world.fitted), len(seen.information))
+    seen = car.baseline[regular]
+    spread = baseline.spread_of(seen, car.normal.names, car.least_deviations)
+    before = baseline.with_partial(baseline.left_of(car.prior, car.fitted), len(seen.information))
     known = baseline.known_from(seen.stretches, spread, before)
     apart = baseline.left_out(seen.stretches, spread, before)
     return spread, known, baseline.scale_of(np.array([part.distance for part in apart]))
 
 
-def judged(world: KeptWorld, stretches: Stretches, found: tuple[Spread, Known, float]) -> ranking.DayRanked:
+def judged(car: Calibrated, stretches: Stretches, found: tuple[Spread, Known, float]) -> ranking.DayRanked:
     """What single effects say of a day, to first order."""
     spread, known, scale = found
     scatter = baseline.predicted(stretches, known, spread, scale)
     scores = stretches.scores.sum(axis=0) - scatter.mean
-    return judging.ranked_to_first_order(scores, scatter, world.names, world.units, world.vehicle)
+    return judging.ranked_to_first_order(scores, scatter, car.normal.names, car.normal.units, car.vehicle)
 
 
-def counted(worlds: Sequence[KeptWorld], regular: float = 1.0) -> Counts:
+def counted(worlds: Sequence[World], regular: float = 1.0) -> Counts:
     """All days of all worlds, with the constants as they are now."""
     days: list[tuple[KeptDay, ranking.DayRanked]] = []
-    for world in worlds:
-        found = learnt(world, regular)
-        days += [(day, judged(world, day.stretches[regular], found)) for day in world.days]
+    for car, of_car in worlds:
+        found = learnt(car, regular)
+        days += [(day, judged(car, day.stretches[regular], found)) for day in of_car]
     usual = [(day, r) for day, r in days if not day.strange]
     return Counts(
         share(said(r) == day.truth for day, r in usual),
@@ -174,7 +171,7 @@ def truth_has(day: KeptDay, r: ranking.DayRanked) -> float:
 
 
 def counts_by_constant(
-    worlds: Sequence[KeptWorld], tell: Callable[[Sequence[str]], Iterable[str]] = list
+    worlds: Sequence[World], tell: Callable[[Sequence[str]], Iterable[str]] = list
 ) -> dict[str, dict[float, Counts]]:
     """Counts by constant and factor; unchanged ones first.
 
@@ -221,9 +218,7 @@ def shown(value: Any) -> str:
 def main(config: Table) -> None:
     """Everything."""
     worlds = worlds_by_name(config.worlds, config.baseline)
-    folder = make_run_folder("constants", config.out)
-    write_json(folder / "config.json", config)
-    write_versions(folder)
+    folder = begun("constants", config)
     kept = [kept_world(world, config.baseline, folder / name) for name, world in worlds.items()]
     found = counts_by_constant(kept, lambda names: tqdm(names, unit="constant"))
     text = f"{constants_text(found)}\n{made(config)}\n"

@@ -17,21 +17,20 @@ from diagrams.command import run_command
 from drift_drake.car.effects.catalogue import CATALOGUE
 from drift_drake.car.log.table import IMPORT_REPORT, Run, read_case, write_run
 from drift_drake.common.errors import DriftDrakeError
-from drift_drake.common.run_folder import make_run_folder, write_json, write_versions
 from drift_drake.common.safe_files import write_text
 from drift_drake.gap.identification.options import Criterion
 from drift_drake.gap.logs.importing.import_logs import write_case
 from drift_drake.gap.logs.importing.importer import import_recordings
 from drift_drake.gap.logs.importing.mapping import RecorderMapping, read_mapping
 from drift_drake.view.style import save
-from experiments.made import made
+from experiments.made import begun, made
 from experiments.other_worlds.calibrations import calibration_row, calibration_scores, calibrations_text
 from experiments.other_worlds.changes import CHANGES
 from experiments.other_worlds.hand_scores import write_scores
 from experiments.other_worlds.jobs import Ask, Calibrate, answer_of, ask, calibrate, done_once
 from experiments.other_worlds.pictures import draw_rows
 from experiments.other_worlds.scoring import Row
-from experiments.real.logs import RIM_NOISE, RIM_SPEED, VEHICLES
+from experiments.real.cars import RIM_NOISE, RIM_SPEED, VEHICLES
 
 TIMES = 2.0  # the detection limit, that a change is
 RACER_PARTS = ((0.0, 50.0), (50.0, 100.0), (100.0, 150.0), (150.0, 300.0))  # [s] of the only recording
@@ -172,9 +171,7 @@ def changed_cases(study: Study, logs: Path, folder: Path) -> tuple[dict[str, dic
 
 def main(config: HandChanges) -> None:
     """All studies."""
-    folder = make_run_folder("hand_changes", config.out)
-    write_json(folder / "config.json", config)
-    write_versions(folder)
+    folder = begun("hand_changes", config)
     logs = folder / "logs"
     studies = [s for s in studies_of(*import_all(config, logs)) if not config.studies or s.name in config.studies]
     # Studies that calibrate on the same logs share the car.

@@ -18,11 +18,11 @@ import tyro
 from diagrams.command import run_command
 from drift_drake.car.log.table import run_paths
 from drift_drake.common.errors import DriftDrakeError
-from drift_drake.common.run_folder import make_run_folder, write_json, write_versions
+from drift_drake.common.run_folder import write_json
 from drift_drake.common.safe_files import write_text
 from drift_drake.gap.identification.options import Criterion
 from drift_drake.view.style import save
-from experiments.made import made
+from experiments.made import begun, made
 from experiments.other_worlds.calibrations import calibration_row, calibration_scores, calibrations_text
 from experiments.other_worlds.jobs import Ask, Calibrate, answer_of, ask, calibrate, done_once
 from experiments.other_worlds.pictures import draw_rows
@@ -136,9 +136,7 @@ def answered(worlds: Mapping[str, Path], cars: Sequence[Calibrate], folder: Path
 def main(config: Road) -> None:
     """Everything."""
     worlds = worlds_by_name(config.worlds, config.baseline)
-    folder = make_run_folder("road", config.out)
-    write_json(folder / "config.json", config)
-    write_versions(folder)
+    folder = begun("road", config)
     cars = [Calibrate((world / config.baseline,), world / "start.yaml", folder / name, config.criterion)
             for name, world in worlds.items()]  # fmt: skip
     answered(worlds, cars, folder, config.workers)

@@ -16,12 +16,7 @@ from drift_drake.car.parameters import VehicleParameters
 from drift_drake.car.vehicle_file import read_vehicle, stated_tolerances
 from drift_drake.common.errors import DriftDrakeError
 from drift_drake.gap.diagnosis.calibrated.diagnose_change import search_of
-from drift_drake.gap.estimation.baseline import (
-    Seen,
-    Stretches,
-    seen_of,
-    stretches_of,
-)
+from drift_drake.gap.estimation.baseline import Seen, Stretches, seen_of, stretches_of
 from drift_drake.gap.estimation.learn_normal import Learnt, learn_normal
 from drift_drake.gap.estimation.normal import Normal
 from drift_drake.gap.estimation.prediction_constants import LEFT_OF_FITTED, LEFT_OF_OTHERS, REGULAR
@@ -57,19 +52,6 @@ class Calibrated(NamedTuple):
     least_deviations: np.ndarray  # [n]
     fitted: np.ndarray  # [n] bool
     baseline: dict[float, Seen]
-
-
-class KeptWorld(NamedTuple):
-    """A calibrated car and its other days."""
-
-    names: tuple[str, ...]
-    units: np.ndarray  # [n]
-    vehicle: VehicleParameters
-    prior: np.ndarray  # [n]
-    least_deviations: np.ndarray  # [n]
-    fitted: np.ndarray  # [n] bool
-    baseline: dict[float, Seen]
-    days: list[KeptDay]
 
 
 def calibrated(world: Path, folder: str) -> Calibrated:
@@ -119,8 +101,9 @@ def day_of(case: Path, car: Calibrated) -> dict[float, Stretches]:
     }
 
 
-def kept_world(world: Path, baseline: str, folder: Path) -> KeptWorld:
-    """A world from its files, or, where they are not there yet, from its logs; days that cannot be used are reported.
+def kept_world(world: Path, baseline: str, folder: Path) -> tuple[Calibrated, list[KeptDay]]:
+    """A world's calibrated car and its other days from their files, or, where they are not there yet, from its logs;
+    days that cannot be used are reported.
 
     Args:
         baseline: folder of the world to calibrate on; folder: of the files.
@@ -136,10 +119,7 @@ def kept_world(world: Path, baseline: str, folder: Path) -> KeptWorld:
         strange = bool(labels[code].get("strange"))
         truth = UNKNOWN if strange else "+".join(sorted(labels[code]["effects"])) or NONE
         days.append(KeptDay(code, truth, strange, stretches))
-    normal = car.normal
-    return KeptWorld(
-        normal.names, normal.units, car.vehicle, car.prior, car.least_deviations, car.fitted, car.baseline, days
-    )
+    return car, days
 
 
 def _kept(path: Path, make: Any) -> Any:

@@ -13,7 +13,7 @@ those that are there. Written: claims.md, with the verdict of each claim by its 
 from pathlib import Path
 
 from diagrams.command import run_command
-from drift_drake.common.run_folder import make_run_folder, write_json, write_versions
+from drift_drake.common.run_folder import make_run_folder, write_json
 from drift_drake.common.safe_files import write_text
 from experiments.made import made
 from experiments.paper import figures, tables
@@ -69,7 +69,6 @@ def main(config: PaperConfig) -> None:
     folder = make_run_folder("paper", config.out)
     settings = {name: getattr(config, name) for name in ("population", "vehicle_seed", "rebuild")}
     keep_settings(folder, settings, ())
-    write_versions(folder)
     run_parts(config, folder)
     write_text(folder / "claims.md", page(folder, config))
     write_json(folder / "command.json", config)

@@ -14,16 +14,7 @@ from experiments.drifting.report import held
 from experiments.drifting.runs import reference
 from experiments.made import tabulated
 from experiments.paper.parts import KINDS, Kind, Part
-from experiments.paper.verdicts import (
-    NOTHING,
-    Cell,
-    falls_short,
-    more,
-    ranked,
-    ratio,
-    share,
-    turned,
-)
+from experiments.paper.verdicts import NOTHING, Cell, falls_short, more, ranked, ratio, share, turned
 
 DRIFT = 0.3  # [rad] of sideslip, half of that of the figure-8: what is less is no drift
 ALIKE = 0.25  # two plans differ by less than this share of what sets the first apart from the straight drive

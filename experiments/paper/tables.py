@@ -12,6 +12,7 @@ from experiments.drifting.improvements import ladder
 from experiments.drifting.report import LABELS, paper_table, summarise
 from experiments.drifting.runs import reference
 from experiments.gathering.summary import PAPER
+from experiments.made import tabulated
 from experiments.paper.claims import Evidence, failed_at, transitions
 from experiments.paper.parts import KINDS, Kind
 from experiments.paper.verdicts import falls_short, more, ratio
@@ -23,8 +24,7 @@ ENTERED = ("online", "twice_info")
 
 def table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     """Markdown."""
-    lines = [header, ["---"] * len(header), *rows]
-    return "\n".join("| " + " | ".join(line) + " |" for line in lines)
+    return "\n".join(tabulated(header, rows))
 
 
 def norms(found: dict[Kind, Evidence]) -> str:

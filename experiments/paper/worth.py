@@ -14,21 +14,15 @@ import tyro
 
 from diagrams.command import run_command
 from drift_drake.common.executors import ExecutorConfig
-from drift_drake.common.run_folder import make_run_folder, write_json, write_versions
+from drift_drake.common.run_folder import write_json
 from drift_drake.common.safe_files import write_table
 from drift_drake.drive.gathering.config import GatheringConfig
 from experiments.benchmarks.vehicles import Population
-from experiments.drifting.improvements import (
-    ImprovementsConfig,
-    Rung,
-    drive_ladder,
-    medians_table,
-    summarise_ladder,
-)
+from experiments.drifting.improvements import ImprovementsConfig, Rung, drive_ladder, medians_table, summarise_ladder
 from experiments.drifting.report import LABELS, differences_table, pair_of
 from experiments.drifting.runs import EXTRAS, Model
 from experiments.gathering.recipe import Extra, as_in_paper
-from experiments.made import write_report
+from experiments.made import begun, write_report
 
 WORDS: dict[Extra, str] = {
     "screening": "the screen of measurements",
@@ -72,8 +66,7 @@ def rungs() -> list[Rung]:
 
 def main(config: WorthConfig) -> None:
     """Runs what is missing, then writes numbers and the tables."""
-    folder = make_run_folder("worth", config.out)
-    write_versions(folder)
+    folder = begun("worth", config)
     todo = rungs()
     options = dataclasses.asdict(config) | {"run_on": config.run_on, "models": MODELS}
     runs = drive_ladder(ImprovementsConfig(**options), todo, folder)
@@ -85,10 +78,7 @@ def main(config: WorthConfig) -> None:
         of_model = runs[runs["model"] == model]
         rows = [(one.what, *pair_of(of_model, "rung", one.name, "none")) for one in todo[1:] if model in one.models]
         parts.append(f"{LABELS[model]}, each less the recipe:\n\n{differences_table(rows)}")
-    report = "\n\n".join(parts)
-    write_report(folder, report, config)
-    print(report)
-    print(f"results in {folder}")
+    write_report(folder, "\n\n".join(parts), config)
 
 
 if __name__ == "__main__":

@@ -14,10 +14,10 @@ import numpy as np
 
 from diagrams.command import run_command
 from drift_drake.car.log.table import Run
-from drift_drake.common.run_folder import make_run_folder, write_json, write_versions
+from drift_drake.common.run_folder import write_json
 from drift_drake.gap.logs.importing.importer import import_recordings
 from drift_drake.gap.logs.importing.mapping import read_mapping
-from experiments.made import made, tabulated
+from experiments.made import begun, tabulated, write_report
 from experiments.other_worlds.hand_changes import NoDataError
 
 SPEEDS = (0.6, 0.8, 1.0, 1.2, 1.5, 1.8, 2.1)  # [m/s]
@@ -88,13 +88,9 @@ def recordings(data: Path) -> Sequence[Run]:
 def main(config: SteadyTurns) -> None:
     """The table of all recordings."""
     found = {run.name: steady_turns(run) for run in recordings(config.data)}
-    folder = make_run_folder("steady_turns", config.out)
-    write_json(folder / "config.json", config)
-    write_versions(folder)
+    folder = begun("steady_turns", config)
     write_json(folder / "numbers.json", found)
-    text = f"{table(found)}\n\n{made(config)}\n"
-    (folder / "report.md").write_text(text)
-    print(text)
+    write_report(folder, table(found), config)
 
 
 if __name__ == "__main__":

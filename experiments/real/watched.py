@@ -17,10 +17,10 @@ import numpy as np
 from diagrams.command import run_command
 from drift_drake.car.log.table import Run, read_case, read_run
 from drift_drake.car.vehicle_file import read_vehicle
-from drift_drake.common.run_folder import is_done, make_run_folder, write_json, write_versions
+from drift_drake.common.run_folder import is_done, write_json
 from drift_drake.gap.monitoring.baselines import BaselineScores, calibrated_monitor, learn_baseline_scores
 from drift_drake.gap.monitoring.watch import rows_of, watched
-from experiments.made import tabulated, write_report
+from experiments.made import begun, tabulated, write_report
 from experiments.other_worlds.changes import CHANGES
 
 MAGNITUDES = {"steering_offset": 0.051, "gyro_bias": 0.075, "sideslip_bias": 0.066, "wheel_radius_error": 0.08}
@@ -94,8 +94,7 @@ def text(rows: list[dict[str, Any]]) -> str:
 
 def main(config: Config) -> None:
     """All recordings."""
-    folder = make_run_folder("watched", config.out)
-    write_versions(folder)
+    folder = begun("watched", config)
     rows = []
     for recording in (*CIRCLES, *LAPS, *NEW):
         on = [name for name in (*CIRCLES, *LAPS) if name != recording]
@@ -109,7 +108,6 @@ def main(config: Config) -> None:
                 write_json(path, row(name, run, onset, watch(run, car, scores)))
             rows.append(json.loads(path.read_text()))
     write_report(folder, text(rows), config)
-    print(text(rows))
 
 
 if __name__ == "__main__":

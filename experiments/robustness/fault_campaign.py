@@ -22,8 +22,8 @@ from diagrams.command import run_command
 from drift_drake.car.effects.magnitudes import Effects
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.car.step_model import NominalStepModel, StepModel
-from drift_drake.common.executors import ExecutorConfig, run_jobs
-from drift_drake.common.run_folder import is_done, make_run_folder, write_json, write_versions
+from drift_drake.common.executors import ExecutorConfig
+from drift_drake.common.run_folder import is_done, make_run_folder, write_versions
 from drift_drake.common.safe_files import write_table
 from drift_drake.drive.learnt.adapter import BayesianAdapter
 from drift_drake.drive.learnt.checkpoint import load_model
@@ -37,7 +37,7 @@ from drift_drake.view.style import new_figure, save, styled
 from experiments.benchmarks.intervals import binomial
 from experiments.benchmarks.vehicles import draw_effects
 from experiments.made import tabulated, write_report
-from experiments.settings import keep_settings
+from experiments.settings import keep_settings, run_kept
 
 FAULTS = {  # begins after one second, in a drift
     "none": "",
@@ -226,11 +226,8 @@ def main(config: CampaignConfig) -> None:
     loops = folder / "loops"
     loops.mkdir(exist_ok=True)
     jobs = make_jobs(config)
-    missing = [job for job in jobs if not is_done(loops / f"{job.name}.json")]
     try:
-        run_jobs(
-            config.run_on, run, missing, lambda job, result: write_json(loops / f"{job.name}.json", result), "loop"
-        )
+        run_kept(config.run_on, run, jobs, lambda job: loops / f"{job.name}.json", "loop")
     finally:
         report(folder, jobs, config)
 
@@ -247,7 +244,6 @@ def report(folder: Path, jobs: list[Job], config: CampaignConfig) -> None:
     text = f"{len(runs)} loops: {outcomes}\n\n{table(found)}\n"
     write_report(folder, text, config)
     save(picture(found), folder / "fault_campaign.png")
-    print(f"{text}\nresults in {folder}")
 
 
 if __name__ == "__main__":

@@ -1,6 +1,7 @@
 """Constants halved and doubled: every one is shown or said not to be, patched where it is read, and put back."""
 
 import dataclasses
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -31,10 +32,15 @@ from experiments.other_worlds.constants import (
 )
 from experiments.other_worlds.days import Days, first_guess
 from experiments.other_worlds.days import make_day as make_runs
-from experiments.other_worlds.stretches import REGULARS, KeptDay, KeptWorld, Seen, kept_world, seen_of
+from experiments.other_worlds.stretches import REGULARS, Calibrated, KeptDay, Seen, kept_world, seen_of
 
 NAMES = ("friction_level", "mass_error", "gyro_bias")
 SCORES = len(NAMES) + len(partial_effects(NAMES))
+
+
+def calibrated(steps, vehicle, *more):
+    """A calibrated car, of whose baseline residuals only the names and units count here."""
+    return Calibrated(vehicle, Effects(), SimpleNamespace(names=NAMES, units=steps), {}, *more)
 
 
 def some_stretches(rng, recordings, off=0.0):
@@ -59,8 +65,8 @@ def world():
             for i, (truth, off) in enumerate(truths)]  # fmt: skip
     days.append(KeptDay("3", "unknown", True, dict.fromkeys(REGULARS, days[0].stretches[1.0])))
     n = len(NAMES)
-    return KeptWorld(NAMES, units(NAMES, REFERENCE), REFERENCE, np.ones(n), np.full(n, 0.1), np.ones(n, dtype=bool),
-                     dict.fromkeys(REGULARS, seen), days)  # fmt: skip
+    return calibrated(units(NAMES, REFERENCE), REFERENCE, np.ones(n), np.full(n, 0.1), np.ones(n, dtype=bool),
+                      dict.fromkeys(REGULARS, seen)), days  # fmt: skip
 
 
 def test_every_constant_is_shown_or_said_not_to_be():
@@ -118,7 +124,7 @@ def test_what_is_learnt_is_what_a_calibration_learns():
     between, fitted = between_recordings(NAMES, vehicle) / steps, np.array([True, True, False])
     normal = learn_normal(day, NAMES, steps, prior, between, left_of(prior, fitted)).normal
     seen = {1.0: seen_of(day, normal.scales, normal.precision)}
-    spread, known, scale = learnt(KeptWorld(NAMES, steps, vehicle, prior, between, fitted, seen, []), 1.0)
+    spread, known, scale = learnt(calibrated(steps, vehicle, prior, between, fitted, seen), 1.0)
     np.testing.assert_allclose(known.mean, normal.expected)
     np.testing.assert_allclose(known.covariance, normal.left_open)
     np.testing.assert_allclose(spread.covariance, normal.covariance)
@@ -130,13 +136,13 @@ def test_a_world_is_read_once(tmp_path, monkeypatch, world, capsys):
 
     def calibrate(_world, folder):
         asked.append(folder)
-        return Car(world)
+        return world[0]
 
     def read(case, _car):
         asked.append(case.name)
         if case.name == "bb":
             raise stretches.DriftDrakeError("bb: 1.2 s of driving can be used")
-        return world.days[0].stretches
+        return world[1][0].stretches
 
     monkeypatch.setattr(stretches, "calibrated", calibrate)
     monkeypatch.setattr(stretches, "day_of", read)
@@ -147,15 +153,6 @@ def test_a_world_is_read_once(tmp_path, monkeypatch, world, capsys):
     for _ in range(2):
         kept = kept_world(tmp_path / "world", "day_one_4", tmp_path / "out")
     assert asked == ["day_one_4", "aa", "bb", "bb"]
-    assert [(day.code, day.truth, day.strange) for day in kept.days] == [("aa", "unknown", True)]
+    assert [(day.code, day.truth, day.strange) for day in kept[1]] == [("aa", "unknown", True)]
     assert "left out: bb: 1.2 s" in capsys.readouterr().out
     assert constants.counted([kept]).strange["count"] == 1
-
-
-class Car:
-    """What `kept_world` reads of a calibrated car."""
-
-    def __init__(self, world):
-        self.normal = world  # names and units
-        self.vehicle, self.prior, self.least_deviations = world.vehicle, world.prior, world.least_deviations
-        self.fitted, self.baseline = world.fitted, world.baseline

@@ -30,11 +30,10 @@ def test_loops_come_in_pairs_and_none_twice() -> None:
 
 
 def test_a_campaign_is_resumed_and_reported(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], here: ExecutorConfig
 ) -> None:
     monkeypatch.setattr(fault_campaign, "FAULTS", {name: FAULTS[name] for name in ("none", "no reading any more")})
-    monkeypatch.setattr(fault_campaign, "run_jobs", run_here)
-    config = dataclasses.replace(QUICK, out=tmp_path)
+    config = dataclasses.replace(QUICK, run_on=here, out=tmp_path)
     main(config)
     reported = capsys.readouterr().out
     assert reported.startswith("4 loops: ")
@@ -52,16 +51,11 @@ def test_a_campaign_is_resumed_and_reported(
 
 
 def test_loops_of_other_settings_are_not_gone_on_with(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(fault_campaign, "run_jobs", lambda *_: None)
+    monkeypatch.setattr(fault_campaign, "run_kept", lambda *_: [])
     main(dataclasses.replace(QUICK, out=tmp_path))
     main(dataclasses.replace(QUICK, loops=8, out=tmp_path))
     with pytest.raises(OtherExperimentError, match="made with another distance; give another folder"):
         main(dataclasses.replace(QUICK, distance=23.0, out=tmp_path))
-
-
-def run_here(_: ExecutorConfig, function: object, jobs: object, finish: object, _unit: str) -> None:
-    for job in jobs:
-        finish(job, function(job))
 
 
 def without_times(result: dict[str, object]) -> dict[str, object]:

@@ -180,10 +180,10 @@ def test_an_identified_car_is_kept_with_what_was_taught(
 
 
 def test_a_folder_of_another_experiment_is_refused(tmp_path: Path, here: ExecutorConfig) -> None:
-    drift_runs.open_folder(tmp_path, config(tmp_path, here))
+    drift_runs.opened("figure_8", config(tmp_path, here))
     other = dataclasses.replace(config(tmp_path, here), population="wide")
     with pytest.raises(OtherExperimentError, match="another population; give another folder"):
-        drift_runs.open_folder(tmp_path, other)
+        drift_runs.opened("figure_8", other)
 
 
 def test_the_shared_gathering_is_that_of_one_seed(here: ExecutorConfig, tmp_path: Path) -> None:

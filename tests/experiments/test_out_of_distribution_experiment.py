@@ -55,7 +55,6 @@ def test_the_experiment(
     course = dataclasses.replace(figure_8(VehicleParameters()), distance=20.0)
     for module in (drift_runs, out_of_distribution):
         monkeypatch.setattr(module, "reference", lambda _: course)
-    monkeypatch.setattr(out_of_distribution, "run_jobs", drift_runs.run_jobs)
     config = DetectionConfig(vehicles=1, window=3, drop_time=0.5, run_on=here, out=tmp_path,
                              control=ControlConfig(horizon=12, period=0.05, delay=0.05))  # fmt: skip
     main(config)

@@ -24,7 +24,7 @@ from drift_drake.drive.reference.trajectory import figure_8
 from drift_drake.gap.estimation.filter_state import CHANNELS
 from drift_drake.gap.logs.importing.look import look
 from drift_drake.gap.monitoring.follow import as_rows, growing_rows, head_of, on_the_clock
-from drift_drake.gap.monitoring.monitor import Monitor, after_row, make_monitor
+from drift_drake.gap.monitoring.monitor import Monitor, make_monitor
 from drift_drake.gap.monitoring.watch import monitor_of
 
 CAR = VehicleParameters()
@@ -60,7 +60,7 @@ def followed(content: bytes) -> None:
     monitor = monitor_of(head, CAR, Effects())
     state = monitor.start()
     for row in as_rows(iter([*first, *on_the_clock(path, rows, head)])):
-        state = after_row(monitor, state, row.y, row.command, row.t)
+        state = monitor.after_row(state, row.y, row.command, row.t)
     assert state.verdict[:-4].sum() == pytest.approx(1.0)
 
 
@@ -89,7 +89,7 @@ def test_readings_of_the_monitor(monitor: Monitor, spoils: list[tuple[int, int, 
     def watch() -> None:
         state = monitor.start()
         for k in range(60):
-            state = after_row(monitor, state, rows[k, :-2], rows[k, -2:], t[k])
+            state = monitor.after_row(state, rows[k, :-2], rows[k, -2:], t[k])
             assert state.verdict[:-4].sum() == pytest.approx(1.0)
 
     tried("readings", watch)

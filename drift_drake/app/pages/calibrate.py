@@ -7,18 +7,7 @@ from drift_drake.app import stages
 from drift_drake.app.jobs import Jobs
 from drift_drake.app.looks import predicted
 from drift_drake.app.pages.figures import Chart
-from drift_drake.app.pages.parts import (
-    box,
-    button,
-    choice,
-    frame_of,
-    quietly,
-    run_button,
-    saying,
-    section,
-    table,
-    text,
-)
+from drift_drake.app.pages.parts import box, button, choice, frame_of, quietly, run_button, saying, section, table, text
 from drift_drake.app.project import CALIBRATED, CALIBRATION, CALIBRATION_REPORT, Project
 from drift_drake.app.recordings import Recordings
 from drift_drake.common.errors import DriftDrakeError, significant

@@ -12,12 +12,7 @@ from numpy.typing import NDArray
 
 from drift_drake.car.compilation import compiled
 from drift_drake.car.effects.catalogue import PARAMETRIC
-from drift_drake.car.effects.magnitudes import (
-    INSTALLED_STATES,
-    INTERNAL_COUNT,
-    Effects,
-    InternalStates,
-)
+from drift_drake.car.effects.magnitudes import INSTALLED_STATES, INTERNAL_COUNT, Effects, InternalStates
 from drift_drake.car.integrate import ramp, runge_kutta
 from drift_drake.car.internal_states import RememberingStepModel, check_one_step
 from drift_drake.car.parameters import Constants, VehicleParameters

@@ -11,14 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydrake.autodiffutils import AutoDiffXd, ExtractGradient, ExtractValue, InitializeAutoDiff
 
-from drift_drake.car.step_model import (
-    CURVATURE_STEP,
-    INPUT_SCALE,
-    STATE_SCALE,
-    CostExpansion,
-    StepModel,
-    block_scale,
-)
+from drift_drake.car.step_model import CURVATURE_STEP, INPUT_SCALE, STATE_SCALE, CostExpansion, StepModel, block_scale
 from drift_drake.common.arrays import Array
 from drift_drake.drive.qp.stages import dynamics_pattern
 

@@ -21,13 +21,7 @@ from drift_drake.car.effects.magnitudes import COUNT, Effects, depends_on_headin
 from drift_drake.car.parameters import Constants, VehicleParameters
 from drift_drake.car.scalar import fixed_tuple
 from drift_drake.car.single_track.motion_with_effects import road_wheel
-from drift_drake.gap.estimation.filter import (
-    UNMEASURED,
-    correct,
-    measurement_matrix,
-    propagate,
-    update_covariance,
-)
+from drift_drake.gap.estimation.filter import UNMEASURED, correct, measurement_matrix, propagate, update_covariance
 from drift_drake.gap.estimation.filter_state import (
     CORRECTED,
     MEASURED,

@@ -88,7 +88,8 @@ class Monitor:
 
     def after_row(self, state: State, y: np.ndarray, command: np.ndarray, t: float, road: float = 0.0) -> State:
         """See `events.Watcher`."""
-        return after_row(self, state, y, command, t, road)
+        state = row_taken(self, state, y, command, road)
+        return _closed(self, state, t) if state.clock[1] >= max(round(BLOCK / self.bank.period), 1) else state
 
     def at_edge(self, state: State) -> tuple[np.ndarray, np.ndarray] | None:
         """See `events.Watcher`."""
@@ -147,19 +148,9 @@ def tolerances(nodes: Sequence[Node], vehicle: VehicleParameters) -> np.ndarray:
     return out
 
 
-def after_row(monitor: Monitor, state: State, y: np.ndarray, command: np.ndarray, t: float, road: float = 0.0) -> State:
-    """The state after one more row, at t [s]; y, command and road as `row_taken` wants them."""
-    state = row_taken(monitor, state, y, command, road)
-    return _closed(monitor, state, t) if state.clock[1] >= max(round(BLOCK / monitor.bank.period), 1) else state
-
-
 def row_taken(monitor: Monitor, state: State, y: np.ndarray, command: np.ndarray, road: float = 0.0) -> State:
-    """The state with one more row in its block.
-
-    Args:
-        y: measurements [9] (`CHANNELS`), NaN where there is none; command: in force (delta [rad], tau [N m]);
-        road: its known bank [rad]; an effect `road_bank` comes to it.
-    """
+    """The state with one more row in its block, as `events.Watcher.after_row` wants it; an effect `road_bank` comes to
+    the road's."""
     used = monitor.used & (np.abs(y) < ABSURD)
     commanded = bool((np.abs(command) < ABSURD).all())
     y = np.where(used, y, 0.0)

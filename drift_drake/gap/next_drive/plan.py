@@ -40,14 +40,7 @@ from drift_drake.gap.estimation.filter_state import CHANNELS
 from drift_drake.gap.estimation.fit import MAGNITUDE_STEP
 from drift_drake.gap.estimation.prior import bounds, scale
 from drift_drake.gap.estimation.problem import NUISANCE_STEP, NUISANCES, Problem, car, tolerance_deviations
-from drift_drake.gap.next_drive.foresight import (
-    PERIOD,
-    REFITS,
-    Commands,
-    beliefs_of,
-    foresee,
-    probability_of_truth,
-)
+from drift_drake.gap.next_drive.foresight import PERIOD, REFITS, Commands, beliefs_of, foresee, probability_of_truth
 
 ROWS = round(DT / PERIOD)
 RIVALS = 3  # of the leading hypothesis that plans are made against

@@ -8,7 +8,6 @@ from pydrake.systems.primitives import TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial
 
 from drift_drake.gap.monitoring.in_loop import GapMonitor
-from drift_drake.gap.monitoring.monitor import after_row
 from drift_drake.gap.monitoring.watch import rows_of
 
 ROWS = 65
@@ -47,7 +46,7 @@ def test_the_system_agrees_with_the_functions(diagram, monitor, changed_run):
     context = system.GetMyContextFromRoot(simulator.get_context())
     state = monitor.start()
     for row in list(rows_of(changed_run))[: ROWS - 1]:
-        state = after_row(monitor, state, row.y, row.command, row.t)
+        state = monitor.after_row(state, row.y, row.command, row.t)
     found = system.state(context)
     np.testing.assert_allclose(found.bank.z, state.bank.z, rtol=1e-9, atol=1e-9)
     np.testing.assert_allclose(system.GetOutputPort("posterior").Eval(context), state.verdict[:-4], atol=1e-6)

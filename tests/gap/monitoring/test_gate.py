@@ -9,7 +9,7 @@ from drift_drake.car.parameters import VehicleParameters
 from drift_drake.gap.estimation.filter_state import CHANNELS
 from drift_drake.gap.monitoring.bank import allowance
 from drift_drake.gap.monitoring.baselines import block_sums
-from drift_drake.gap.monitoring.monitor import Monitor, State, after_row, make_monitor
+from drift_drake.gap.monitoring.monitor import Monitor, State, make_monitor
 from drift_drake.gap.monitoring.watch import WATCHED, Row, rows_of
 from experiments.monitoring.drives import changed_drive
 
@@ -37,7 +37,7 @@ def spoilt(rows: list[Row], channel: str, size: float, count: int) -> list[Row]:
 def states(monitor: Monitor, rows: list[Row]) -> list[State]:
     out = [monitor.start()]
     for row in rows:
-        out.append(after_row(monitor, out[-1], row.y, row.command, row.t))
+        out.append(monitor.after_row(out[-1], row.y, row.command, row.t))
     return out
 
 

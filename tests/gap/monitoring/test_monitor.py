@@ -10,7 +10,7 @@ from drift_drake.gap.monitoring import bank as filters
 from drift_drake.gap.monitoring.events import sentence
 from drift_drake.gap.monitoring.evidence import Sums, no_sums
 from drift_drake.gap.monitoring.history import since
-from drift_drake.gap.monitoring.monitor import SETTLING, after_row, with_row
+from drift_drake.gap.monitoring.monitor import SETTLING, with_row
 from drift_drake.gap.monitoring.watch import monitor_of, rows_of, watched
 from experiments.monitoring.drives import changed_drive
 from experiments.monitoring.limits import limits
@@ -21,7 +21,7 @@ ONSET = 2.5  # [s] in `changed_run`
 def states(monitor, run, stop=None):
     state, out = monitor.start(), []
     for row in list(rows_of(run))[:stop]:
-        state = after_row(monitor, state, row.y, row.command, row.t)
+        state = monitor.after_row(state, row.y, row.command, row.t)
         out.append(state)
     return out
 
@@ -46,12 +46,12 @@ def test_a_bank_that_is_lost_begins_anew_and_what_was_found_stays(monitor, chang
     state = states(monitor, changed_run, 100)[-1]
     z = state.bank.z.copy()
     z[3] = np.nan
-    after = after_row(
-        monitor, state._replace(bank=state.bank._replace(z=z)), rows[100].y, rows[100].command, rows[100].t
+    after = monitor.after_row(
+        state._replace(bank=state.bank._replace(z=z)), rows[100].y, rows[100].command, rows[100].t
     )
     assert after.clock[0] == 0.0
     for row in rows[101:200]:
-        after = after_row(monitor, after, row.y, row.command, row.t)
+        after = monitor.after_row(after, row.y, row.command, row.t)
     assert np.isfinite(after.bank.z).all()
     _, sums = since(after.history)
     assert sums.rows[-1] > 100  # of those before, too
@@ -87,7 +87,7 @@ def test_missing_readings_are_waited_through(monitor, changed_run):
     state = monitor.start()
     for i, row in enumerate(list(rows_of(changed_run))[:150]):
         y = np.full_like(row.y, np.nan) if 60 <= i < 70 else row.y
-        state = after_row(monitor, state, y, row.command, row.t)
+        state = monitor.after_row(state, y, row.command, row.t)
     assert np.isfinite(state.verdict[:-4]).all()
     assert state.verdict[0] > 0.5
 

@@ -12,7 +12,7 @@ from drift_drake.gap.logs.importing.mapping import read_mapping
 from drift_drake.gap.logs.screening.screened import screened
 from drift_drake.gap.logs.screening.suspicions import suspicions
 from experiments.benchmarks.log_mutations import with_factors
-from experiments.real.logs import RACER, RIM_SPEED, SMALL_CAR
+from experiments.real.cars import RACER, RIM_SPEED, SMALL_CAR
 
 SHARED = Path(__file__).parents[5] / "shared"
 needs_cases = pytest.mark.skipif(not (SHARED / "cases").is_dir(), reason="../shared/cases is not there")

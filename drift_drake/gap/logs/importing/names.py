@@ -25,8 +25,8 @@ SYMBOLS = ("x", "y", "r", "v", "t", "delta", "beta", "gee lat", "gee long", "v c
 RULES = {
     "x": Rule(("pos x", "x"), "pos"),
     "y": Rule(("pos y", "y"), "pos"),
-    "latitude": Rule(("latitude", "lat"), ""),
-    "longitude": Rule(("longitude", "long"), ""),
+    "latitude": Rule(("latitude", "lat"), "pos"),
+    "longitude": Rule(("longitude", "long"), "pos"),
     "course": Rule(("course",), "angle heading"),
     "r": Rule(
         ("yaw rate", "yaw speed", "heading rate", "yaw gyro", "angular z", "gyro z", "rate z", "angle speed z",

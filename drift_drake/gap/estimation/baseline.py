@@ -6,18 +6,23 @@ otherwise on one stretch than on another, small for sensors and actuators, large
 of blocks of time, which hangs together within a stretch and grows with the slip of the driven tyres. So what both days
 share cancels, and what the baseline did not show widens the scatter only where the other day's drives depend on it. The
 scale of n is the car's own: recordings are left out of the baseline in turn and asked how far they lie from what the
-others predict, together with what is known of other cars.
+others predict, together with what is known of other cars. How large e is differs from car to car by more than a few
+recordings tell: a factor on it is integrated over (a scale mixture of normal distributions, Andrews and Mallows 1974).
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
+from scipy.special import logsumexp
 
 from drift_drake.car.effects.catalogue import CATALOGUE
 from drift_drake.gap.estimation.normal import Normal
 from drift_drake.gap.estimation.prediction_constants import (
+    FACTOR_SPREAD,
+    FACTORS,
     FROM_LEFT_OUT,
     HANGS,
     HARDER,
@@ -71,6 +76,10 @@ class Spread(NamedTuple):
     blocks: int  # that show it
     stretch: np.ndarray  # variances from stretch to stretch [m]
     recording: np.ndarray  # variances from recording to recording [m]
+
+    def times(self, factor: float) -> "Spread":
+        """The same of a car whose equations lack so many times as much from stretch to stretch."""
+        return self._replace(stretch=factor**2 * self.stretch)
 
     def of_blocks(self, information: np.ndarray, blocks: float) -> np.ndarray:
         """Covariance of one stretch's scores that its blocks make [m, m]."""
@@ -141,39 +150,65 @@ class Scatter:
     """How a day's summed scores scatter if nothing has changed, and their mean."""
 
     mean: np.ndarray  # [m]
-    covariance: np.ndarray  # [m, m]
-    inverse: np.ndarray  # of the covariance [m, m]
+    covariances: np.ndarray  # at each of the factors on what equations lack from stretch to stretch [K, m, m]
     information: np.ndarray  # of the day: what a unit of each effect takes off the scores [m, m]
+    main: int = 0  # index of the factor that was the most probable before the day
+
+    @property
+    def covariance(self) -> np.ndarray:
+        """At the main factor [m, m]."""
+        return np.asarray(self.covariances[self.main])
+
+    @property
+    def inverse(self) -> np.ndarray:
+        """Of that covariance [m, m]."""
+        return np.asarray(self.inverses[self.main])
+
+    @cached_property
+    def inverses(self) -> np.ndarray:
+        """Of all covariances [K, m, m]."""
+        return np.linalg.inv(self.covariances)
+
+    @cached_property
+    def sizes(self) -> np.ndarray:
+        """Half the logarithm of each determinant less that of the main one [K]."""
+        halves = 0.5 * np.linalg.slogdet(self.covariances)[1]
+        return np.asarray(halves - halves[self.main])
+
+    def log_densities(self, scores: np.ndarray) -> np.ndarray:
+        """Of scores less their mean [..., m] at each of the factors [K, ...], but for a constant."""
+        squared = np.einsum("...i,kij,...j->k...", scores, self.inverses, scores)
+        return np.asarray(-0.5 * squared - self.sizes.reshape(-1, *[1] * (scores.ndim - 1)))
 
     def apart(self, share: float) -> "Scatter":
         """The same once each score scatters by a further share of its variance, alone."""
-        if share == 0.0:
-            return self
-        covariance = self.covariance + share * np.diag(np.diag(self.covariance))
-        return replace(self, covariance=covariance, inverse=np.linalg.inv(covariance))
+        alone = np.eye(len(self.mean)) * np.diagonal(self.covariances, axis1=1, axis2=2)[:, :, None]
+        return replace(self, covariances=self.covariances + share * alone) if share else self
 
 
-def predicted(stretches: Stretches, known: Known, model: Spread, scale: float = 1.0) -> Scatter:
+def predicted(stretches: Stretches, known: Known, models: Sequence[Spread], scale: float = 1.0,
+              main: int = 0) -> Scatter:  # fmt: skip
     """How the summed scores of stretches scatter, of a car of which something is known.
 
     Args:
+        models: at each factor; main: index of the most probable one;
         scale: of what blocks scatter by and of what is not known of the car. What equations lack from stretch to
             stretch and what varies from recording to recording is known of other cars: recordings of the same kinds of
             driving would show too little of it.
     """
     total = stretches.information.sum(axis=0)
-    covariance = scale * total @ known.covariance @ total
-    for k in np.unique(stretches.recording):
-        covariance = covariance + model.of_stretches(stretches.kept(stretches.recording == k), scale)
-    covariance = 0.5 * (covariance + covariance.T)
-    return Scatter(-total @ known.mean, covariance, np.linalg.inv(covariance), total)
+    parts = [stretches.kept(stretches.recording == k) for k in np.unique(stretches.recording)]
+    covariances = np.array([sum(model.of_stretches(part, scale) for part in parts) for model in models])
+    covariances += scale * total @ known.covariance @ total
+    return Scatter(-total @ known.mean, 0.5 * (covariances + np.swapaxes(covariances, 1, 2)), total, main)
 
 
 def scatter_of(day: Day, normal: Normal) -> Scatter:
     """How this day's scores scatter if the car is the one of its baseline."""
     stretches = stretches_of(day, normal.scales, normal.precision, normal.slipping)
     model = spread_of(normal, normal.names, normal.least_deviations, len(normal.of_kind))
-    return predicted(stretches, Known(normal.expected, normal.left_open), model, normal.scale)
+    known, models = Known(normal.expected, normal.left_open), [model.times(factor) for factor in FACTORS]
+    return predicted(stretches, known, models, normal.scale, int(np.argmax(normal.factors)))
 
 
 def spread_of(shown: "Seen | Normal", names: tuple[str, ...], least_deviations: np.ndarray, of_kind: int = 0) -> Spread:
@@ -217,16 +252,26 @@ class LeftOut(NamedTuple):
     known: Known
     model: Spread
 
-    def at(self, scale: float) -> Scatter:
-        """How its scores scatter, at a scale (`predicted`)."""
-        return predicted(self.stretches, self.known, self.model, scale)
+    def at(self, scale: float, factors: Sequence[float] | np.ndarray = (1.0,), main: int = 0) -> Scatter:
+        """How its scores scatter, at a scale, and at factors relative to its model's (`predicted`)."""
+        return predicted(self.stretches, self.known, [self.model.times(factor) for factor in factors], scale, main)
+
+    def scores(self, scatter: Scatter) -> np.ndarray:
+        """Its scores less what the others predict [m]."""
+        return np.asarray(self.stretches.scores.sum(axis=0) - scatter.mean)
 
     @property
     def distance(self) -> float:
         """Squared distance of its scores from what the others predict, per score, at a scale of one."""
         scatter = self.at(1.0)
-        x = self.stretches.scores.sum(axis=0) - scatter.mean
+        x = self.scores(scatter)
         return float(x @ scatter.inverse @ x / len(x))
+
+    def log_density(self, scale: float) -> float:
+        """Of its scores, but for a constant, at a scale."""
+        scatter = self.at(scale)
+        x = self.scores(scatter)
+        return float(-0.5 * x @ scatter.inverse @ x - 0.5 * np.linalg.slogdet(scatter.covariance)[1])
 
 
 def left_out(stretches: Stretches, model: Spread, prior: np.ndarray) -> list[LeftOut]:
@@ -277,3 +322,31 @@ def seen_of(day: Day, scales: np.ndarray, precision: np.ndarray) -> Seen:
     shown = diagonal > TINY * diagonal.max()
     ratio = max(float(np.median(np.diag(scatter)[shown] * len(score) / diagonal[shown])), TINY)
     return Seen(stretches, scatter, diagonal / len(score), ratio, len(score), slipping, score)
+
+
+class OfBaseline(NamedTuple):
+    """What a baseline shows of how its car's scores scatter."""
+
+    known: Known
+    factors: np.ndarray  # log probabilities of the factors [K]
+    scale: float
+    left_out: list[LeftOut]  # at the most probable factor
+
+
+def learnt_from(stretches: Stretches, model: Spread, prior: np.ndarray) -> OfBaseline:
+    """What stretches show at the most probable factor; prior: standard deviations [m] of a car's deviations.
+
+    A factor that is smaller than the most likely one loses what it is less likely by. A larger one does not: recordings
+    of the same kinds of driving show too little of what other driving would.
+    """
+    parts = [left_out(stretches, model.times(factor), prior) for factor in FACTORS]
+    scales = [scale_of(np.array([part.distance for part in of_factor])) for of_factor in parts]
+    likely = np.array([
+        sum(part.log_density(scale) for part in of_factor) for of_factor, scale in zip(parts, scales, strict=True)
+    ])  # fmt: skip
+    best = int(np.argmax(likely))
+    factors = np.where(np.arange(len(FACTORS)) < best, likely - likely[best], 0.0)
+    factors = factors - 0.5 * (np.log(FACTORS) / FACTOR_SPREAD) ** 2
+    main = int(np.argmax(factors))
+    known = known_from(stretches, model.times(FACTORS[main]), prior)
+    return OfBaseline(known, factors - logsumexp(factors), scales[main], parts[main])

@@ -5,16 +5,11 @@ from typing import NamedTuple
 import numpy as np
 
 from drift_drake.car.equations import kind_of
-from drift_drake.gap.estimation.baseline import (
-    LeftOut,
-    learnt_from,
-    seen_of,
-    spread_of,
-    with_partial,
-)
+from drift_drake.gap.estimation.baseline import seen_of, spread_of, with_partial
 from drift_drake.gap.estimation.noise_levels import log_levels
 from drift_drake.gap.estimation.normal import Normal, capped_squares
 from drift_drake.gap.estimation.prediction_constants import CALIBRATED, MODEL_FORM, REGULAR
+from drift_drake.gap.estimation.recordings_left_out import LeftOut, learnt_from
 from drift_drake.gap.estimation.robust_fit import robust_scales
 from drift_drake.gap.estimation.scores import (
     Day,

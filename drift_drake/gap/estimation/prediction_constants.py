@@ -3,7 +3,7 @@
 Set on the days of double-track, brush and multi-body cars of `experiments.other_worlds` and on two cars of others' open
 simulators, eleven calibrations of four runs and 82 days without an effect, by the likelihood of those days' scores
 (`python -m experiments.other_worlds.constants` prints what halving and doubling each does). What a car's own recordings
-tell (`baseline.scale_of`) replaces what such a population says.
+tell (`recordings_left_out`) replaces what such a population says.
 """
 
 REGULAR = 1e-2  # of the errors' covariance, added to its diagonal

@@ -6,11 +6,12 @@ To first order: what a magnitude takes off the scores is its column of the infor
 import numpy as np
 
 from drift_drake.car.parameters import VehicleParameters
-from drift_drake.gap.estimation.baseline import Scatter, scale_of
+from drift_drake.gap.estimation.baseline import Scatter
 from drift_drake.gap.estimation.learn_normal import Learnt
 from drift_drake.gap.estimation.normal import Normal
 from drift_drake.gap.estimation.prediction_constants import FACTORS
 from drift_drake.gap.estimation.prior import range_of
+from drift_drake.gap.estimation.recordings_left_out import scale_of
 from drift_drake.gap.evidence.constants import PRIORS
 from drift_drake.gap.evidence.hypotheses import Hypothesis, integrated, unusual
 from drift_drake.gap.evidence.left_over import left_over
@@ -29,14 +30,14 @@ def asked_in_turn(learnt: Learnt, vehicle: VehicleParameters) -> list[DayRanked]
     main = int(np.argmax(normal.factors))
     for k, part in enumerate(learnt.left_out):
         scatter = part.at(scale_of(np.delete(normal.left_out, k)), np.array(FACTORS) / FACTORS[main], main)
-        out.append(ranked_to_first_order(part.scores(scatter), scatter, normal, vehicle))
+        out.append(ranked_to_first_order(part.scores(scatter), scatter, normal, normal.factors, vehicle))
     return out
 
 
 def ranked_to_first_order(
-    scores: np.ndarray, scatter: Scatter, normal: Normal, vehicle: VehicleParameters
+    scores: np.ndarray, scatter: Scatter, normal: Normal, factors: np.ndarray, vehicle: VehicleParameters
 ) -> DayRanked:
-    """What scores less their normal mean [m] say, of single effects alone."""
+    """What scores less their normal mean [m] say, of single effects alone; factors: their log probabilities [K]."""
 
     def hypothesis(causes: tuple[str, ...], x: np.ndarray, evidence: np.ndarray) -> Hypothesis:
         rest, main = left_over(x, scatter, normal.names, np.zeros((len(x), 0))), float(evidence[scatter.main])
@@ -54,4 +55,4 @@ def ranked_to_first_order(
         x = scores + q[:, None] / normal.units[i] * scatter.information[:, i]
         best = int(np.argmax(scatter.log_densities(x)[scatter.main] - unusual(q, r)))
         found.append(hypothesis((name,), x[best], integrated(q, x, r, scatter)))
-    return ranked(found, len(normal.names), PRIORS, factors=normal.factors)
+    return ranked(found, len(normal.names), PRIORS, factors=factors)

@@ -11,15 +11,11 @@ from drift_drake.car.effects.catalogue import CATALOGUE
 from drift_drake.gap.estimation import baseline
 from drift_drake.gap.estimation.baseline import (
     Known,
-    LeftOut,
     Scatter,
     Spread,
     Stretches,
     known_from,
-    learnt_from,
-    left_out,
     predicted,
-    scale_of,
     scatter_of,
     slipping_of,
     spread_of,
@@ -33,6 +29,7 @@ from drift_drake.gap.estimation.prediction_constants import (
     SCALE_WORTH,
     SLIGHT,
 )
+from drift_drake.gap.estimation.recordings_left_out import LeftOut, learnt_from, left_out, scale_of
 from drift_drake.gap.estimation.scores import block_scores, make_day, summed
 from drift_drake.gap.estimation.windows import windowed
 

@@ -7,13 +7,10 @@ import pytest
 from scipy.stats import multivariate_normal
 
 from drift_drake.car.parameters import VehicleParameters
-from drift_drake.gap.estimation.baseline import (
-    LeftOut,
-    Scatter,
-    Stretches,
-)
+from drift_drake.gap.estimation.baseline import Scatter, Stretches
 from drift_drake.gap.estimation.partial import partial_effects
 from drift_drake.gap.estimation.prediction_constants import FACTORS
+from drift_drake.gap.estimation.recordings_left_out import LeftOut
 from drift_drake.gap.evidence.constants import OF_PARTIAL, SIZES, WIDER
 from drift_drake.gap.evidence.left_out import asked_in_turn
 from drift_drake.gap.evidence.left_over import left_over, log_mean, widened

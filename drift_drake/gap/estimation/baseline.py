@@ -202,7 +202,7 @@ def scatter_of(day: Day, normal: Normal) -> Scatter:
     stretches = stretches_of(day, normal.scales, normal.precision, normal.slipping)
     model = spread_of(normal, normal.names, normal.least_deviations, len(normal.of_kind))
     known, models = Known(normal.expected, normal.left_open), [model.times(factor) for factor in FACTORS]
-    return predicted(stretches, known, models, normal.scale, int(np.argmax(normal.factors)))
+    return predicted(stretches, known, models, normal.scale, normal.main)
 
 
 def spread_of(shown: "Seen | Normal", names: tuple[str, ...], least_deviations: np.ndarray, of_kind: int = 0) -> Spread:

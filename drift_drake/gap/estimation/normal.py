@@ -58,6 +58,11 @@ class Normal:
     level: np.ndarray  # mean squared errors about them, in scales and capped [HORIZONS, channels]
     noise: np.ndarray  # logarithms of the white noise of each recording's channels [K, channels] (`noise_levels`)
 
+    @property
+    def main(self) -> int:
+        """Index of the most probable factor."""
+        return int(np.argmax(self.factors))
+
     def squares(self, e: np.ndarray, cap: float = WORST) -> np.ndarray:
         """Capped squares of errors [windows, HORIZONS, channels] about the normal ones, in scales."""
         return capped_squares((e - self.offset) / self.scales, cap)

@@ -26,8 +26,7 @@ def asked_in_turn(learnt: Learnt, vehicle: VehicleParameters) -> list[DayRanked]
     Args:
         learnt: what the baseline shows; vehicle: the calibrated car.
     """
-    normal, out = learnt.normal, []
-    main = int(np.argmax(normal.factors))
+    normal, out, main = learnt.normal, [], learnt.normal.main
     for k, part in enumerate(learnt.left_out):
         scatter = part.at(scale_of(np.delete(normal.left_out, k)), np.array(FACTORS) / FACTORS[main], main)
         out.append(ranked_to_first_order(part.scores(scatter), scatter, normal, normal.factors, vehicle))

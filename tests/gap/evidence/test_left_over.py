@@ -83,7 +83,7 @@ def test_a_recording_like_the_others_has_no_gap_and_an_odd_one_has():
     units = np.array([0.01, 0.05])
     factors = np.full(len(FACTORS), -np.log(len(FACTORS)))
     distances = np.array([part.distance for part in parts])
-    normal = SimpleNamespace(names=NAMES, units=units, factors=factors, left_out=distances)
+    normal = SimpleNamespace(names=NAMES, units=units, factors=factors, main=0, left_out=distances)
     asked = asked_in_turn(SimpleNamespace(left_out=parts, normal=normal), VehicleParameters())
     found = np.array([one.probabilities["none"] for one in asked])
     assert int(np.argmin(found)) == 3

@@ -117,8 +117,8 @@ class Day:
         runs = [dataclasses.replace(run, starts=np.ascontiguousarray(of_run))
                 for run, of_run in zip(self.runs, starts, strict=True) if len(of_run)]  # fmt: skip
         parts = {name: getattr(self, name)[which] for name in ("errors", "jacobian", "weights")}
-        at = {name: np.unique(getattr(self, name)[which], return_inverse=True)[1] for name in ("block", "run")}
-        return dataclasses.replace(self, runs=runs, **parts, **at)
+        block, run = (np.unique(index[which], return_inverse=True)[1] for index in (self.block, self.run))
+        return dataclasses.replace(self, runs=runs, block=block, run=run, **parts)
 
     def errors_with(self, effects: Mapping[str, float], horizons: int = HORIZONS) -> np.ndarray:
         """Errors [windows, horizons, channels] once effects are added to the calibrated car."""

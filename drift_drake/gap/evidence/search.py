@@ -72,7 +72,8 @@ class Search:
         """Nothing has changed."""
         scores = self.scores({})
         nats, rest = float(self.nats(scores)), self.left_over(scores, np.zeros((len(scores), 0)))
-        return Hypothesis((), np.zeros(0), np.zeros((0, 0)), nats, -nats, scores=len(scores), left_over=rest)
+        return Hypothesis((), np.zeros(0), np.zeros((0, 0)), nats, -nats, scores=len(scores), left_over=rest,
+                          by_factor=self.scatter.log_densities(scores) + nats)  # fmt: skip
 
     def left_over(self, scores: np.ndarray, slopes: np.ndarray) -> LeftOver:
         """What scores less their normal mean [m] leave over, of magnitudes with slopes [m, k]."""

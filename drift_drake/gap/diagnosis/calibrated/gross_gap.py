@@ -11,7 +11,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 from scipy.optimize import minimize
-from scipy.special import expit
+from scipy.special import expit, logsumexp
 
 from drift_drake.car.effects.catalogue import LIMITS
 from drift_drake.gap.diagnosis.calibrated.changed_car import judged
@@ -131,7 +131,7 @@ def with_something_else(search: Search, found: DayRanked, temperature: float) ->
     rest = at[0].left_over if at else None
     if rest is None:
         return found
-    more = float(expit(np.log(ELSE) + rest.gain / temperature))
+    more = float(expit(np.log(ELSE) + logsumexp(rest.gain / temperature + search.normal.factors)))
     if more <= 0.5:
         return found
     return dataclasses.replace(found, leading=dataclasses.replace(found.leading, left_over=rest), something_else=more)

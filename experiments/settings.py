@@ -1,15 +1,19 @@
 """A folder of results is gone on with: by the settings that it was begun with, and what is there is not made again."""
 
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
+
+from tqdm import tqdm
 
 from drift_drake.common.errors import DriftDrakeError
 from drift_drake.common.executors import ExecutorConfig, run_jobs
 from drift_drake.common.run_folder import is_done, plain, write_json, write_versions
 
 Job = TypeVar("Job")
+Results = list[dict[str, Any]]
 
 
 class OtherExperimentError(DriftDrakeError, ValueError):
@@ -38,6 +42,21 @@ def kept(path: Path, make: Callable[[], Any]) -> Any:
     if not is_done(path):
         write_json(path, make())
     return json.loads(path.read_text())
+
+
+def each_vehicle(
+    folder: Path, config: Any, vehicles: int, one_vehicle: Callable[[Any, int], dict[str, Any]]
+) -> Iterator[Results]:
+    """Does the vehicles that are not done yet; gives the results so far after each.
+
+    Args:
+        folder: of the run; one_vehicle: a vehicle's results as plain data, from `config` and its number.
+    """
+    (folder / "vehicles").mkdir(exist_ok=True)
+    results: Results = []
+    for index in tqdm(range(vehicles), unit="vehicle"):
+        results.append(kept(folder / "vehicles" / f"{index:03d}.json", partial(one_vehicle, config, index)))
+        yield results
 
 
 def run_kept(

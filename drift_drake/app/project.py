@@ -71,6 +71,11 @@ class Project:
             yield data
             write_text(self.folder / FILE, yaml.safe_dump(data, sort_keys=False, allow_unicode=True))
 
+    def set_option(self, key: str, value: Any) -> None:
+        """Changes one of the options of all steps."""
+        with self.changing() as data:
+            data["options"][key] = value
+
     def mapping(self, name: str = MAPPING) -> dict[str, Any] | None:
         """What a mapping file holds, None where there is none yet; raises InvalidProjectError where it is no YAML."""
         path = self.folder / name

@@ -23,7 +23,6 @@ from drift_drake.car.single_track.effects_step import EffectsStepModel
 from drift_drake.car.step_model import NominalStepModel, StepModel
 from drift_drake.common.arrays import Array
 from drift_drake.common.run_folder import write_json
-from drift_drake.common.safe_files import write_table
 from drift_drake.drive.learnt.checkpoint import load_model
 from drift_drake.drive.learnt.quality import step_model
 from drift_drake.drive.reference.equilibrium import DriftEquilibrium, drift_equilibrium
@@ -119,7 +118,6 @@ def run(config: SteadyDriftConfig) -> pd.DataFrame:
         }
         rows += [{"vehicle": vehicle, "noise_seed": seed, "model": k} | v._asdict() for k, v in states.items()]
     found = pd.DataFrame(rows)
-    write_table(found, folder / "steady_drifts.csv", index=False)
     write_report(folder, report(found), config)
     write_json(folder / "numbers.json", found.to_dict("records"))
     return found

@@ -16,7 +16,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pandas as pd
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullLocator, StrMethodFormatter
 from scipy.stats import spearmanr
@@ -27,7 +26,6 @@ from drift_drake.car.effects.magnitudes import Effects
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.car.step_model import NominalStepModel
 from drift_drake.common.run_folder import write_json
-from drift_drake.common.safe_files import write_table
 from drift_drake.drive.loop.closed_loop import ClosedLoop
 from drift_drake.drive.reference.trajectory import figure_8
 from drift_drake.gap.diagnosis.answers.apply import corrected_vehicle
@@ -148,13 +146,6 @@ def table(summary: dict[str, Any]) -> str:
     return "\n".join(tabulated(heads, rows))
 
 
-def as_row(result: dict[str, Any]) -> dict[str, Any]:
-    """One vehicle as a row of a table."""
-    row = {name: result[name] for name in ("vehicle", "tier", "said", "right")}
-    numbers = {f"{run} {name}": result["runs"][run][name] for run in ("real", *PREDICTORS) for name in JUDGED}
-    return row | numbers | {f"{run} outcome": result["runs"][run]["outcome"] for run in ("real", *PREDICTORS)}
-
-
 @styled
 def picture(results: Sequence[dict[str, Any]]) -> Figure:
     """Predicted against real, a vehicle a point; crosses where the real car did not complete the figure-8."""
@@ -193,8 +184,6 @@ def main(config: CorrectedLoopConfig) -> None:
                for index in tqdm(range(config.vehicles), unit="vehicle")]  # fmt: skip
     summary = summarise(results)
     write_json(folder / "numbers.json", summary)
-    rows = [as_row(result) for result in results]
-    write_table(pd.DataFrame(rows), folder / "vehicles.csv", index=False)
     save(picture(results), folder / "corrected_loop.png")
     write_report(folder, table(summary), config)
 

@@ -24,8 +24,8 @@ from experiments.benchmarks.compiled_cases import make_case
 from experiments.benchmarks.drake_cases import drake_case
 from experiments.benchmarks.intervals import binomial, bootstrap
 from experiments.benchmarks.truths import Truth, true_constants
-from experiments.gap.each_vehicle import each_vehicle
 from experiments.made import begun, write_report
+from experiments.settings import each_vehicle
 
 DEVIATIONS = {  # one standard deviation of the truth from the default file, relative or in the parameter's unit
     "mass": 0.01,

@@ -28,8 +28,8 @@ from drift_drake.gap.identification.identify import identify
 from experiments.benchmarks.compiled_cases import make_case
 from experiments.benchmarks.intervals import binomial
 from experiments.benchmarks.truths import Truth, drawn_deviations, drawn_magnitude
-from experiments.gap.each_vehicle import Results, each_vehicle
 from experiments.made import begun, tabulated, write_report
+from experiments.settings import Results, each_vehicle
 
 DISCREPANCIES = {  # the least and the largest magnitude; a sign is drawn for the compliance steer and the brake
     "tyre_curve": (0.05, 0.3),

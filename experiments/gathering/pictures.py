@@ -19,7 +19,6 @@ from drift_drake.view.pictures.overhead import overhead
 from drift_drake.view.pictures.time_series import time_series
 from experiments.benchmarks.vehicles import Population, draw_effects
 from experiments.gathering.recipe import lane_for_pictures
-from experiments.gathering.summary import MODELS, entry
 from experiments.model.uncertainties import draw_uncertainties
 
 FILES = {"OCP": "once-ocp", "Info-OCP": "round_1", "second Info-OCP": "round_2"}
@@ -54,7 +53,6 @@ def draw_all(
     effects = draw_effects(population, vehicle, drives_seed)
     draw_uncertainties(model, beliefs, effects, f"vehicle {vehicle}, {population}", folder / "uncertainties.png")
     draw_rounds(results, folder / "rounds.png")
-    draw_models(results, folder / "models.png")
 
 
 def draw_rounds(results: list[dict[str, Any]], file: Path) -> None:
@@ -86,30 +84,5 @@ def draw_rounds(results: list[dict[str, Any]], file: Path) -> None:
     axes[0].set_yscale("log")
     axes[1].set_yscale("log")
     axes[0].legend(fontsize=8)
-    write_figure(figure, file, dpi=110)
-    plt.close(figure)
-
-
-def draw_models(results: list[dict[str, Any]], file: Path) -> None:
-    """Norm and errors of all models, one line a vehicle."""
-    figure, axes = plt.subplots(1, 3, figsize=(12, 3.8), constrained_layout=True)
-    names = [name for name in MODELS if any(entry(result, name) is not None for result in results)]
-    for axis, key, title in (
-        (axes[0], "total", "total covariance norm"),
-        (axes[1], "one_step_scaled", "one-step error in held-out drifts"),
-        (axes[2], "rollout_scaled", "2 s rollout error in held-out drifts"),
-    ):
-        for result in results:
-            found = [entry(result, name) for name in names]
-            axis.plot([np.nan if one is None else one[key] for one in found], "o", color="0.75", ms=3)
-        medians = []
-        for name in names:
-            values = [one[key] for one in (entry(result, name) for result in results) if one is not None]
-            medians.append(np.median(values))
-        axis.plot(medians, "_", color="tab:blue", ms=18, mew=2)
-        axis.set_xticks(range(len(names)), names, rotation=30, fontsize=8)
-        axis.set_yscale("log")
-        axis.set_title(title)
-        axis.grid(alpha=0.3, axis="y")
     write_figure(figure, file, dpi=110)
     plt.close(figure)

@@ -5,7 +5,7 @@ respond later. What was measured can too.
 """
 
 import dataclasses
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import Any
 
 import numpy as np
@@ -13,6 +13,7 @@ import numpy as np
 from drift_drake.car.log.plausible import LARGEST
 from drift_drake.car.log.table import Run
 
+COMMANDS = ("delta_cmd", "tau_cmd")
 MEASURED = ("x", "y", "psi", "r", "v", "beta", "omega_r", "ax", "ay")
 
 
@@ -50,14 +51,9 @@ def speed_gain_error(run: Run, q: float) -> Run:
 
 def command_clock_error(run: Run, q: float) -> Run:
     """Every command is stamped `q` [s] late; rows without one, at the start or (early ones) at the end, are cut."""
-    commands: dict[str, Any] = {
-        name: np.interp(run.t - q, run.t, values)
-        for name in ("delta_cmd", "tau_cmd")
-        if (values := run.column(name)) is not None
-    }
     cut = rows_in(run, abs(q))
     rows = (cut, len(run)) if q > 0.0 else (0, len(run) - cut)
-    return dataclasses.replace(run, **commands).rows(*rows)
+    return read_at(run, COMMANDS, run.t - q).rows(*rows)
 
 
 def torque_gain_error(run: Run, q: float) -> Run:
@@ -82,12 +78,7 @@ def wheel_radius_error(run: Run, q: float) -> Run:
 
 def sensor_latency(run: Run, q: float) -> Run:
     """Every measured column is `q` [s] late; the rows at the start, without one, are cut."""
-    late: dict[str, Any] = {}
-    for name in MEASURED:
-        values = run.column(name)
-        if values is not None:
-            late[name] = np.interp(run.t - q, run.t, np.unwrap(values) if name == "psi" else values)
-    return dataclasses.replace(run, **late).rows(rows_in(run, q), len(run))
+    return read_at(run, MEASURED, run.t - q).rows(rows_in(run, q), len(run))
 
 
 CHANGES: dict[str, Callable[[Run, float], Run]] = {
@@ -104,6 +95,18 @@ CHANGES: dict[str, Callable[[Run, float], Run]] = {
     "speed_gain_error": speed_gain_error,
     "command_clock_error": command_clock_error,
 }
+
+
+def with_columns(run: Run, names: Iterable[str], change: Callable[[np.ndarray], np.ndarray]) -> Run:
+    """The run with every one of some columns that it has changed in the same way."""
+    columns: dict[str, Any] = {name: change(values) for name in names if (values := run.column(name)) is not None}
+    return dataclasses.replace(run, **columns)
+
+
+def read_at(run: Run, names: Iterable[str], times: np.ndarray) -> Run:
+    """The run whose rows hold what some columns were at other times [s]; a heading is unwrapped."""
+    unwrapped = run if run.psi is None else dataclasses.replace(run, psi=np.unwrap(run.psi))
+    return with_columns(unwrapped if "psi" in names else run, names, lambda values: np.interp(times, run.t, values))
 
 
 def rows_in(run: Run, q: float) -> int:

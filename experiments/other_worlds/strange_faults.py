@@ -8,7 +8,6 @@ torques, by what the run itself uses.
 
 import dataclasses
 from collections.abc import Callable, Sequence
-from typing import Any
 
 import numpy as np
 
@@ -16,7 +15,7 @@ from drift_drake.car.effects.catalogue import REFERENCE, wheelbase
 from drift_drake.car.log.plausible import LARGEST
 from drift_drake.car.log.table import Run
 from drift_drake.car.parameters import VehicleParameters
-from experiments.other_worlds.changes import MEASURED, needed
+from experiments.other_worlds.changes import COMMANDS, MEASURED, needed, read_at, with_columns
 
 MOST_USED = 0.95  # quantile of a command's absolute value that stands for its largest
 JITTERED = 0.15  # [s] between independent errors of the commands' stamps
@@ -72,13 +71,7 @@ def held_wheel_speed(run: Run, q: float, rng: np.random.Generator) -> Run:
 
 def stretched_clock(run: Run, q: float, _rng: np.random.Generator) -> Run:
     """The recorder's clock runs fast by a share `q`: what took a second is logged as taking 1 + `q`."""
-    at = run.t[0] + (run.t - run.t[0]) / (1.0 + q)
-    columns: dict[str, Any] = {}
-    for name in (*MEASURED, "delta_cmd", "tau_cmd"):
-        values = run.column(name)
-        if values is not None:
-            columns[name] = np.interp(at, run.t, np.unwrap(values) if name == "psi" else values)
-    return dataclasses.replace(run, **columns)
+    return read_at(run, (*MEASURED, *COMMANDS), run.t[0] + (run.t - run.t[0]) / (1.0 + q))
 
 
 def jittered_commands(run: Run, q: float, rng: np.random.Generator) -> Run:
@@ -86,13 +79,13 @@ def jittered_commands(run: Run, q: float, rng: np.random.Generator) -> Run:
     lasts = float(run.t[-1] - run.t[0])
     knots = np.linspace(run.t[0], run.t[-1], max(int(lasts / JITTERED), 2))
     early = np.interp(run.t, knots, rng.uniform(0.0, q, len(knots)))
-    return _with_commands(run, lambda values: np.interp(run.t + early, run.t, values))
+    return read_at(run, COMMANDS, run.t + early)
 
 
 def held_commands(run: Run, q: float, _rng: np.random.Generator) -> Run:
     """Commands are logged only every `q` [s] and held until the next one."""
     every = max(round(q / run.period), 1)
-    return _with_commands(run, lambda values: values[np.arange(len(values)) // every * every])
+    return with_columns(run, COMMANDS, lambda values: values[np.arange(len(values)) // every * every])
 
 
 def steering_backlash(run: Run, q: float, _rng: np.random.Generator) -> Run:
@@ -200,11 +193,3 @@ def _steered(run: Run, command: np.ndarray) -> Run:
     """The run with another steering command, within what a log may hold."""
     most = LARGEST["delta_cmd"][0]
     return dataclasses.replace(run, delta_cmd=np.clip(command, -most, most))
-
-
-def _with_commands(run: Run, change: Callable[[np.ndarray], np.ndarray]) -> Run:
-    """The run with every command that it has changed in the same way."""
-    columns: dict[str, Any] = {
-        name: change(values) for name in ("delta_cmd", "tau_cmd") if (values := run.column(name)) is not None
-    }
-    return dataclasses.replace(run, **columns)

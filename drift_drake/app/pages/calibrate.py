@@ -7,7 +7,7 @@ from drift_drake.app import stages
 from drift_drake.app.jobs import Jobs
 from drift_drake.app.looks import predicted
 from drift_drake.app.pages.figures import Chart
-from drift_drake.app.pages.parts import box, button, choice, frame_of, quietly, run_button, saying, section, table, text
+from drift_drake.app.pages.parts import box, button, choice, frame_of, or_why, run_button, saying, section, table, text
 from drift_drake.app.project import CALIBRATED, CALIBRATION, CALIBRATION_REPORT, Project
 from drift_drake.app.recordings import Recordings
 from drift_drake.common.errors import DriftDrakeError, significant
@@ -27,7 +27,7 @@ def calibrate_page(project: Project, _readings: Recordings, jobs: Jobs, data: di
         with box("div", "fields"):
             for key, label, kinds in (("car", "kind of car", CarKind), ("criterion", "judged by", Criterion)):
                 options = {"": "auto", **{one: one for one in get_args(kinds) if one != "auto"}}
-                choice(label, options, str(data["options"].get(key, "")), partial(_option, project, key))
+                choice(label, options, str(data["options"].get(key, "")), partial(project.set_option, key))
         run_button(stage, jobs, data, "Calibrate")
         text("p", "It takes minutes. It can be cancelled; then, or if the workbench is closed, what it had computed is "
              "lost and all files stay as they were.", "note")  # fmt: skip
@@ -50,11 +50,6 @@ def calibrate_page(project: Project, _readings: Recordings, jobs: Jobs, data: di
     with section("Report"):
         frame_of(CALIBRATION_REPORT, "Report of the calibration")
     text("p", "Next: Diagnose.", "note")
-
-
-def _option(project: Project, key: str, value: str) -> None:
-    with project.changing() as data:
-        data["options"][key] = value
 
 
 def _estimates(project: Project) -> None:
@@ -81,24 +76,12 @@ async def _predict(project: Project, path: str, data: dict[str, Any], place: Any
     with place:
         text("p", f"{path} is being simulated ...", "note")
     cars = project.folder / stages.first_guess(data), project.folder / CALIBRATED
-    found = await quietly(_predicted, project.folder / path, *cars)
+    found = await or_why(predicted, project.folder / path, *cars)
     place.clear()
     with place:
-        draw_predictions(found, path)
-
-
-def _predicted(log: Any, vehicle: Any, corrected: Any) -> Any:
-    try:
-        return predicted(log, vehicle, corrected)
-    except DriftDrakeError as error:
-        return str(error)
-
-
-def draw_predictions(found: Any, path: str) -> None:
-    """A run as measured and as two cars predict it, or why there is none."""
-    if isinstance(found, str):
-        text("p", found, "refusal", role="alert")
-        return
-    text("h3", path)
-    Chart(found.panels, f"{path}: measured and predicted")
-    text("pre", found.sentence)
+        if isinstance(found, str):
+            text("p", found, "refusal", role="alert")
+            return
+        text("h3", path)
+        Chart(found.panels, f"{path}: measured and predicted")
+        text("pre", found.sentence)

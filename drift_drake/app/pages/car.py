@@ -26,7 +26,7 @@ def car_page(project: Project, _readings: Recordings, _jobs: Jobs, data: dict[st
     """The page's content."""
     with section("Which car"):
         files = {CAR: f"{CAR}, {OWN}", **{name: name for name in _vehicle_files(project)}}
-        choice("First guess", files, stages.first_guess(data), partial(_use, project))
+        choice("First guess", files, stages.first_guess(data), partial(project.set_option, "vehicle"))
         text("p", "A vehicle file, or a simulator.yaml of your own simulator, is taken as it is.", "note")
     if stages.first_guess(data) != CAR:
         text("p", "Next: Check.", "note")
@@ -116,8 +116,3 @@ def _vehicle_files(project: Project) -> list[str]:
     """YAML files of the folder that may be vehicle files."""
     own, found = {CAR, CALIBRATED, FILE}, project.folder.glob("*.y*ml")
     return sorted(path.name for path in found if path.name not in own and path.name[:7] != "mapping" and path.is_file())
-
-
-def _use(project: Project, name: str) -> None:
-    with project.changing() as data:
-        data["options"]["vehicle"] = name

@@ -12,10 +12,9 @@ from drift_drake.app.jobs import Jobs
 from drift_drake.app.looks import driven, limits
 from drift_drake.app.pages.figures import drawn
 from drift_drake.app.pages.logs import set_of_day
-from drift_drake.app.pages.parts import box, button, field, later, number, quietly, run_button, saying, section, text
+from drift_drake.app.pages.parts import box, button, field, later, number, or_why, run_button, saying, section, text
 from drift_drake.app.project import Project
 from drift_drake.app.recordings import Recordings
-from drift_drake.common.errors import DriftDrakeError
 from drift_drake.view.pages.templates import part
 
 
@@ -67,19 +66,12 @@ def _verdict(project: Project, day: str, data: dict[str, Any]) -> None:
         place = box("div")
 
         async def shown() -> None:
-            bars = await quietly(_limits, found["outlook"], project.folder / stages.first_guess(data))
+            bars = await or_why(limits, found["outlook"], project.folder / stages.first_guess(data))
             with place:
                 text("h3", "What a later day like this would show, from this size on")
-                ui.html(bars, sanitize=False)
+                ui.html(escape(bars), sanitize=False)  # of what is a page's own nothing is escaped
 
         later(shown)
-
-
-def _limits(outlook: Any, vehicle: Any) -> Any:
-    try:
-        return limits(outlook, vehicle)
-    except DriftDrakeError as error:
-        return escape(str(error))
 
 
 def _accept(project: Project, day: str) -> None:
@@ -88,9 +80,7 @@ def _accept(project: Project, day: str) -> None:
 
 async def _drawn(project: Project, day: str, data: dict[str, Any], place: Any) -> None:
     car = project.folder / stages.first_guess(data)
-    found = (
-        await quietly(_driven, project.folder / "logs" / day, car) if car.exists() else "describe the car first (Car)"
-    )
+    found = await or_why(driven, project.folder / "logs" / day, car) if car.exists() else "describe the car first (Car)"
     place.clear()
     with place:
         if isinstance(found, str):
@@ -105,13 +95,6 @@ async def _drawn(project: Project, day: str, data: dict[str, Any], place: Any) -
         with box("div", "clouds"):
             drawn(accelerations(found), "Accelerations ahead and to the left")
             drawn(steering(found), "Steering against speed")
-
-
-def _driven(folder: Any, vehicle: Any) -> Any:
-    try:
-        return driven(folder, vehicle)
-    except DriftDrakeError as error:
-        return str(error)
 
 
 def _trim_fields(project: Project, day: str, data: dict[str, Any]) -> None:

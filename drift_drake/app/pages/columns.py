@@ -21,6 +21,7 @@ from drift_drake.app.pages.parts import (
     field,
     later,
     number,
+    or_why,
     quietly,
     run_button,
     saying,
@@ -130,7 +131,7 @@ class _View:
 
     async def draw_rows(self) -> None:
         """A row a quantity: those that are chosen, and the others folded."""
-        ranked = await quietly(_ranked, self.readings, self.name, _signals(self.mapping()))
+        ranked = await or_why(_ranked, self.readings, self.name, _signals(self.mapping()))
         while await typing():
             await asyncio.sleep(PAUSE)
         mapping = self.mapping()  # as it is by now
@@ -157,7 +158,7 @@ class _View:
     async def compare(self) -> None:
         """What looks wrong, and the overlays."""
         before = self.mapping()
-        found = await quietly(_previewed, self.readings, self.name, before)
+        found = await or_why(_previewed, self.readings, self.name, before)
         self.said.clear()
         self.said.props["aria-busy"] = "true" if self.mapping() != before else "false"
         with self.said:
@@ -195,10 +196,7 @@ def _first(project: Project, readings: Recordings, name: str) -> None:
 def _ranked(readings: Recordings, name: str, signals: dict[str, Any]) -> Any:
     from drift_drake.gap.logs.importing.candidates import ranked
 
-    try:
-        return ranked(readings.topics(name), signals)
-    except DriftDrakeError as error:
-        return str(error)
+    return ranked(readings.topics(name), signals)
 
 
 def _signals(mapping: dict[str, Any] | None) -> dict[str, Any]:
@@ -283,11 +281,8 @@ def _previewed(readings: Recordings, name: str, mapping: dict[str, Any]) -> Any:
     from drift_drake.gap.logs.importing.preview import preview
     from drift_drake.gap.logs.screening.overlays import estimates, overlays, panels_of
 
-    try:
-        found = preview(Path(name), readings.topics(name), mapping, end=LOOKED_AT)
-        length = mapping.get("wheelbase")
-        length = length if isinstance(length, int | float) and length > 0.0 else None
-        compared = overlays(found.pieces, PERIOD, length)
-        return found, compared, panels_of(compared), estimates(found.pieces, PERIOD, length)
-    except DriftDrakeError as error:
-        return str(error)
+    found = preview(Path(name), readings.topics(name), mapping, end=LOOKED_AT)
+    length = mapping.get("wheelbase")
+    length = length if isinstance(length, int | float) and length > 0.0 else None
+    compared = overlays(found.pieces, PERIOD, length)
+    return found, compared, panels_of(compared), estimates(found.pieces, PERIOD, length)

@@ -40,7 +40,9 @@ def diagnose_page(project: Project, _readings: Recordings, jobs: Jobs, data: dic
         as_it_is = bool(data["options"].get("as_it_is"))
         vehicle = stages.first_guess(data)
         tick(
-            f"relative to {vehicle} as it is, in place of {CALIBRATED}", as_it_is, partial(_option, project, "as_it_is")
+            f"relative to {vehicle} as it is, in place of {CALIBRATED}",
+            as_it_is,
+            partial(project.set_option, "as_it_is"),
         )
         _effects(project, data)
     for day in days:
@@ -126,8 +128,3 @@ def _consider(project: Project, name: str, on: bool) -> None:
     with project.changing() as data:
         kept = [one for one in data["options"].get("effects") or [] if one != name]
         data["options"]["effects"] = [*kept, name] if on else kept
-
-
-def _option(project: Project, key: str, value: Any) -> None:
-    with project.changing() as data:
-        data["options"][key] = value

@@ -13,6 +13,7 @@ from nicegui.element import Element
 from drift_drake.app.jobs import Jobs
 from drift_drake.app.project import Project
 from drift_drake.app.stages import STATES, Stage
+from drift_drake.common.errors import DriftDrakeError
 
 Changed = Callable[[str], Any]
 VALUE = "(e) => emit(e.target.value)"
@@ -172,6 +173,14 @@ WORKER = ThreadPoolExecutor(1, "workbench")
 async def quietly(function: Callable[..., Any], *arguments: Any) -> Any:
     """A slow function's result, computed in another thread than the pages."""
     return await asyncio.get_running_loop().run_in_executor(WORKER, function, *arguments)
+
+
+async def or_why(function: Callable[..., Any], *arguments: Any) -> Any:
+    """The same; where what it is given cannot be used, the sentence that says why."""
+    try:
+        return await quietly(function, *arguments)
+    except DriftDrakeError as error:
+        return str(error)
 
 
 def later(function: Callable[[], Awaitable[None]]) -> None:

@@ -33,28 +33,25 @@ def nearest_double_track(vehicle: VehicleParameters) -> DoubleTrackParameters:
     }  # fmt: skip
     wheel = 0.5 * vehicle.mass * vehicle.gravity / wheelbase  # its static load over the other axle's distance
     front, rear = wheel * vehicle.rear_axle_distance, wheel * vehicle.front_axle_distance
+
+    def tire(first: TireParameters, load: float, stiffness: float) -> TireParameters:
+        sized = dataclasses.replace(
+            first,
+            stiffest_load=heavier * first.stiffest_load,
+            nominal_load=heavier * first.nominal_load,
+            lateral_relaxation=longer * first.lateral_relaxation,
+            longitudinal_relaxation=longer * first.longitudinal_relaxation,
+        )
+        return _at_load(sized, load, stiffness, vehicle.friction)
+
     return COUPE.replace(
         **{name: getattr(vehicle, name) for name in SHARED},
         **{name: scale * getattr(COUPE, name) for name, scale in scales.items()},
         tolerance=vehicle.tolerance,
         aero_drag=0.0,
         rolling_resistance=0.0,
-        front_tire=_at_load(
-            _scaled(COUPE.front_tire, heavier, longer), front, 0.5 * vehicle.front_stiffness, vehicle.friction
-        ),
-        rear_tire=_at_load(
-            _scaled(COUPE.rear_tire, heavier, longer), rear, 0.5 * vehicle.rear_stiffness, vehicle.friction
-        ),
-    )
-
-
-def _scaled(tire: TireParameters, heavier: float, longer: float) -> TireParameters:
-    return dataclasses.replace(
-        tire,
-        stiffest_load=heavier * tire.stiffest_load,
-        nominal_load=heavier * tire.nominal_load,
-        lateral_relaxation=longer * tire.lateral_relaxation,
-        longitudinal_relaxation=longer * tire.longitudinal_relaxation,
+        front_tire=tire(COUPE.front_tire, front, 0.5 * vehicle.front_stiffness),
+        rear_tire=tire(COUPE.rear_tire, rear, 0.5 * vehicle.rear_stiffness),
     )
 
 

@@ -5,22 +5,31 @@ of the model (`car.internal_states`).
 """
 
 import math
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from drift_drake.car.compilation import compiled
-from drift_drake.car.double_track.motion import OwnStates, check_supported, settled_states
+from drift_drake.car.double_track.motion import (
+    OwnStates,
+    check_supported,
+    double_track_motion,
+    own_states,
+    settled_states,
+)
 from drift_drake.car.double_track.parameters import DoubleTrackConstants, DoubleTrackParameters
-from drift_drake.car.double_track.stepping import OWN, SIZE, advance_state, path_motion
 from drift_drake.car.effects.magnitudes import Effects
-from drift_drake.car.integrate import runge_kutta
+from drift_drake.car.integrate import ramp, runge_kutta
 from drift_drake.car.internal_states import RememberingStepModel, check_one_step
 from drift_drake.car.lanes import LANES, load_lanes, store_lanes
-from drift_drake.car.scalar import jitable
+from drift_drake.car.scalar import jitable, loaded, stored
+from drift_drake.car.single_track.motion import path_rates
 from drift_drake.car.step_model import INPUT_SCALE, STATE_SCALE, STEP
 from drift_drake.common.arrays import Array, contiguous
 
+OWN = len(OwnStates._fields)
+SIZE = 6 + OWN
 OWN_SCALE = np.array(OwnStates(
     steering=0.3, torque=100.0, rim_difference=3.0, roll=0.05, roll_rate=0.3, a_x=5.0, a_y=5.0, front_left_slip=0.3,
     front_right_slip=0.3, rear_left_slip=0.3, rear_right_slip=0.3, rear_left_drive_slip=0.3, rear_right_drive_slip=0.3,
@@ -98,6 +107,34 @@ class DoubleTrackStepModel(RememberingStepModel):
             _linearized(x, np.zeros(2), 0.0, self.constants, self.effects, jacobian)
             found = max(found, float(np.abs(np.linalg.eigvals(jacobian[:, :SIZE])).max()))
         return found
+
+
+@jitable
+def path_motion(x: Any, delta: Any, tau: Any, curvature: Any, p: DoubleTrackConstants, q: Effects,
+                out: Any) -> None:  # fmt: skip
+    """Writes the states' rates under the commands delta [rad] and tau [N m], on a path of this curvature [1/m]; where
+    commands are `lanes`, those of that many cars."""
+    r, v, beta, omega_r = loaded(x, 0, delta), loaded(x, 1, delta), loaded(x, 2, delta), loaded(x, 3, delta)
+    m, d = double_track_motion(r, v, beta, omega_r, 0.0, own_states(x, 6, delta), delta, tau, p, q)
+    e_dot, dphi_dot, _ = path_rates(r, v, m.beta_dot, loaded(x, 4, delta), loaded(x, 5, delta), curvature)
+    for i, rate in enumerate((m.r_dot, m.v_dot, m.beta_dot, m.omega_r_dot, e_dot, dphi_dot)):
+        stored(out, i, rate)
+    for i, rate in enumerate(d):
+        stored(out, 6 + i, rate)
+
+
+@jitable
+def _rates(x: Any, command: Any, car: Any, out: Any) -> None:
+    curvature, p, q = car
+    path_motion(x, command[0], command[1], curvature, p, q, out)
+
+
+@jitable
+def advance_state(x: Array, u: Array, u_next: Array, first: float, last: float, curvature: float,
+                  p: DoubleTrackConstants, q: Effects, h: float, work: Array) -> None:  # fmt: skip
+    """RK4 over h [s] in place, the input going from share `first` to share `last` of its way from u to u_next."""
+    runge_kutta(_rates, x, ramp(u, u_next, first), ramp(u, u_next, first + 0.5 * (last - first)),
+                ramp(u, u_next, last), h, (curvature, p, q), work[2], work[:2])  # fmt: skip
 
 
 @compiled

@@ -12,8 +12,7 @@ from pydrake.trajectories import PiecewisePolynomial
 
 from drift_drake.car.double_track.parameters import CARS
 from drift_drake.car.double_track.plant import DoubleTrackPlant
-from drift_drake.car.double_track.step_model import OWN_SCALE, DoubleTrackStepModel
-from drift_drake.car.double_track.stepping import SIZE
+from drift_drake.car.double_track.step_model import OWN_SCALE, SIZE, DoubleTrackStepModel
 from drift_drake.car.effects.magnitudes import Effects
 from drift_drake.car.internal_states import InternalStateObserver
 from drift_drake.car.known_car import known_car_model, plant_of_car

@@ -19,11 +19,15 @@ from drift_drake.gap.logs.importing.clocks import (
     time_unit,
 )
 from drift_drake.gap.logs.importing.evidence import (
+    LIKE,
     RADII,
+    WHEELBASES,
     Trace,
     better,
     is_course,
     is_raw,
+    likeness,
+    product,
     ratio,
     steering_unit,
     travelled,
@@ -43,6 +47,7 @@ BACKWARDS = 0.2  # share of readings below zero from which vx is no car's forwar
 METRES = 1.11e5  # of a degree
 FASTEST = 150.0  # [m/s] of a vehicle whose latitude and longitude these may be
 TOGETHER = 0.1  # of a recording, within which clocks of one epoch have their first readings
+FARTHEST = 50.0  # [deg] that road wheels are turned by, but of few drift cars
 RADIUS = 0.3  # [m] of a wheel, where nothing tells it
 
 
@@ -82,7 +87,7 @@ def guessed_mapping(topics: Sequence[Topic]) -> Guess:
     handed = handedness(found, units, read, tracks(topics, signals, place))
     for key, frame in handed.lines.items():
         lines[key]["frame"] = frame
-    said += _with_radius(lines, read, units) + handed.notes
+    said += _adapted(lines, read, units) + handed.notes
     said += [
         f"No column looks like the times of {name or 'the table'}: name it in place of '?' under 'clocks'."
         for name in dict.fromkeys(topic.name for topic, *_ in found.values())
@@ -265,11 +270,21 @@ def _clock_entries(
     return entries, of_column
 
 
-def _with_radius(lines: dict[str, Any], read: Mapping[str, Trace], units: Mapping[str, str]) -> list[str]:
-    """Adds a wheel's radius to its line; sentences on it."""
+def _adapted(lines: dict[str, Any], read: Mapping[str, Trace], units: Mapping[str, str]) -> list[str]:
+    """Adds a wheel's radius to its line; sentences on it, and on steering that is no road wheel's."""
     sentences = []
     if "omega_r" in lines and dimension(units["omega_r"]) == "angular rate":
         by_motion = ratio(read["omega_r"], read["v"]) if "v" in read else 0.0
         lines["omega_r"]["radius"] = round(by_motion, 3) if RADII[0] < by_motion < RADII[1] else RADIUS
         sentences.append(f"The radius of omega_r is {'that of v' if by_motion else 'a guess'}: write the wheel's own.")
+    if "delta_cmd" in lines and units["delta_cmd"] != "?" and not is_handwheel(lines["delta_cmd"]["column"]):
+        steer, length = read["delta_cmd"], 0.0
+        if {"v", "r"} <= set(read) and abs(likeness(read["r"], product(steer, read["v"]))) > LIKE:
+            length = abs(ratio(read["r"], product(steer, read["v"])))
+        reach = np.degrees(np.nanmax(np.abs(steer.values), initial=0.0))
+        if reach > FARTHEST or length > WHEELBASES[1]:
+            sentences.append(
+                f"delta_cmd reaches {reach:.0f} deg, like a steering wheel: to be the road wheel's it needs 'scale: ?' "
+                "in its line, one over the steering ratio."
+            )
     return sentences

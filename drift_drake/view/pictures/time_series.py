@@ -147,7 +147,7 @@ def _bounds(axes: Axes, low: float, high: float) -> None:
 
 def _draw_transitions(grid: NDArray[np.object_], runs: Mapping[str, pd.DataFrame], reference: Reference,
                       against: str) -> list[str]:  # fmt: skip
-    """Grey bands where the reference is in a transition; over time, those of the first run. The legend's word if any."""
+    """Grey bands where the reference is in a transition; over time, the first run's. The legend's word for them."""
     longest = max(runs.values(), key=lambda run: float(run["s"].iloc[-1]))
     run = next(iter(runs.values())) if against == "t" else longest
     inside = np.concatenate([[False], reference.transition(run["s"].to_numpy(dtype=float)), [False]])

@@ -298,3 +298,12 @@ def test_slip_along_the_wheels_is_read_off_the_rim(other_car):
     before, after = (float(np.mean(slipping_of(SimpleNamespace(runs=[part])))) for part in (run, spinning))
     assert after - before > 1.0
     assert after == pytest.approx(np.log(0.5 + SLIGHT), abs=0.1)
+
+
+def test_a_day_of_some_windows_is_that_of_their_runs(other_car, day):
+    normal, which = other_car.normal, (day.run != 1) & (day.block % 3 != 0)
+    some = day.kept(which)
+    again = make_day(some.runs, day.constants, day.own, normal.names, normal.units, normal)
+    assert len(some.runs) == len(day.runs) - 1
+    for name in ("errors", "jacobian", "block", "run", "weights"):
+        np.testing.assert_array_equal(getattr(some, name), getattr(again, name))

@@ -41,8 +41,11 @@ PACKED = {"hhmmss": 1.0, "hhmmssfff": 1000.0}  # of a clock whose digits are pac
 OTHER = "other"  # dimension of a unit that is known, and that no quantity of a log has
 
 WORDS = {  # of a unit of the table, or of a factor in products: further spellings, in lower case
-    "s": "unixtime utc epoch sec secs second seconds sek sekunde sekunden seconde secondes",
-    "ms": "msec msecs millisec millisecond milliseconds millisekunden",
+    "s": (
+        "unixtime utc epoch sec secs second seconds sek sekunde sekunden seconde secondes segundos secondi "
+        "sekunder 秒 초"
+    ),
+    "ms": "毫秒 ミリ秒 msec msecs millisec millisecond milliseconds millisekunden",
     "us": "usec microsec microsecond microseconds mus",
     "ns": "nsec nanosec nanosecond nanoseconds",
     "min": "mins minute minutes minuten",
@@ -57,11 +60,11 @@ WORDS = {  # of a unit of the table, or of a factor in products: further spellin
     "yd": "yard yards",
     "mi": "mile miles",
     "rad": "radian radians rads radiant",
-    "deg": "degree degrees degs grad ° º",
+    "deg": "degree degrees degs grad grader graden grados gradi graus degré degrés ° º 度 도",
     "mrad": "mrads millirad milliradian milliradians",
     "rev": "revs revolution revolutions turn turns umdrehung umdrehungen tour tours tr u",
     "m/s": "mps ms-1 meterpersecond meterspersecond m/sec",
-    "km/h": "kmh kph kmph kmhr km/hr kmh-1 kilometersperhour kilometresperhour kilometerperhour",
+    "km/h": "kmh kph kmph kmhr km/hr kmh-1 km/t km/u km/時 kilometersperhour kilometresperhour kilometerperhour",
     "mph": "mi/h mi/hr miles/h miles/hr milesperhour mileperhour",
     "kn": "kt kts knot knots knoten noeud noeuds nmi/h",
     "ft/s": "fps feetpersecond",

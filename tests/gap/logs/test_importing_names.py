@@ -15,28 +15,34 @@ MEANT = {
     "|Gyro Yaw Velocity"
     "|z_rate_of_rotation|GPS Yaw Rate|nYawRate|Gierrate|Giergeschwindigkeit|Drehrate z|vitesse de lacet|taux de lacet"
     "|ESP_Gierrate|yawr_dps|/odom/twist/twist/angular/z|/velocity_status/heading_rate|Girhastighet"
-    "|yaw [deg/s]|yaw_rate_deg_s|gyro_z_mdps|velocidad de guiñada|r",
+    "|yaw [deg/s]|yaw_rate_deg_s|gyro_z_mdps|velocidad de guiñada|r"
+    "|ヨーレート|ﾖｰﾚｰﾄ|ヨー角速度【度/秒】|横摆角速度(rad/s)|偏航角速度|요레이트|요 각속도"
+    "|Girhastighet (grader/s)|ψ̇ [°/s]|velocità di imbardata|taxa de guinada",
     "v": "speed|VehSpeed|vehicle_speed|VehSpd|Ground Speed|GPS Speed (km/h)|Speed (m/s) *gps|vCar|v|v [km/h]|speed_mph"
     "|SpeedKmh|speedkmh|Speed (kts)|v_knots|Geschwindigkeit|Fahrzeuggeschwindigkeit|v_Fzg|vitesse véhicule|vitesse"
     "|drive.drive.speed|speed_2d|vehicle_status.speed|ESP_v_Signal|Hastighet (km/h)|snelheid|/control/speed"
-    "|Vitesse [nœuds]|velocity kmh|speed_over_ground|Speed (GPS)",
+    "|Vitesse [nœuds]|velocity kmh|speed_over_ground|Speed (GPS)"
+    "|車速|車速【km/h】|車両速度|車速_kmh|车速|车辆速度 km/h|차속|Hastighet (km/t)|snelheid [km/u]",
     "vx": "vx|vel_x|v_x|twist.linear.x|VelForward (m/s)|/odom/twist/twist/linear/x|velocity[0]|velocity.x|vx_mps",
     "vy": "vy|twist.linear.y|velocity[1]|v_lat",
     "ax": "ax|acc_x|linear_acceleration.x|accel[0]|InlineAcc|GPS LonAcc|GForceX|Längsbeschleunigung|LaengsBeschl",
     "ay": "ay|acc_y [g]|AccY|LatAcc|G Force Lat|gLat|lateral_acc|Lateral G|lat_g|Querbeschl.|Querbeschleunigung"
-    "|accélération latérale|accel transversale|linear_acceleration.y|imu.acceleration[1]",
+    "|accélération latérale|accel transversale|linear_acceleration.y|imu.acceleration[1]"
+    "|横加速度|横G|侧向加速度|횡가속도",
     "delta_cmd": "steering_angle|SteerAng|Steered Angle|road_wheel [rad]|delta|delta_f|steering"
     "|Steering Wheel Angle|SWA"
     "|ángulo del volante|angolo del volante [°]|Lenkradwinkel|Lenkwinkel|angle volant|Angle de braquage"
-    "|steering_angle_cmd|LWI_Lenkradwinkel|steering_tire_angle|StrWhlAng|Steering Pos",
+    "|steering_angle_cmd|LWI_Lenkradwinkel|steering_tire_angle|StrWhlAng|Steering Pos"
+    "|操舵角|ハンドル角|舵角[度]|方向盘转角|前轮转角|조향각|스티어링 휠 각도"
+    "|Rattvinkel (grader)|stuurhoek [graden]|ángulo de dirección|δ",
     "omega_r": "wheel_speed_rl|wheelspeedrr|WheelSpdRR|ws_rl|omega_r|rear_wheel_speed|Raddrehzahl hinten links"
     "|Radgeschwindigkeit HL|vitesse roue AR gauche|wheel_rpm_rl|wheel rr (km/h)|Wheel Speed LR",
-    "psi": "psi|heading|yaw|yaw_angle|orientation.yaw|Gierwinkel|cap|psi_deg",
-    "beta": "beta|sideslip|side_slip_angle|Schwimmwinkel|angle de dérive",
+    "psi": "psi|heading|yaw|yaw_angle|orientation.yaw|Gierwinkel|cap|psi_deg|方位角|航向角|ヨー角|ψ",
+    "beta": "beta|sideslip|side_slip_angle|Schwimmwinkel|angle de dérive|横滑り角|质心侧偏角|β",
     "tau_cmd": "tau|engine_torque|motor_torque_cmd|Motormoment|couple moteur|Antriebsmoment [Nm]",
     "x": "x|pos_x|position.x|x_m|x [m]|pos[0]",
     "time": "time|t|Time|timestamp|Zeit [s]|Zeitstempel|temps|time_ms|header.stamp|elapsed_time|UTC|Uhrzeit|log_time"
-    "|seconds of day|millis|iTOW",
+    "|seconds of day|millis|iTOW|時間[s]|时间(s)|시간|経過時間 [秒]|時刻",
 }
 NONE = [  # names of no quantity of the log
     "desired_yaw_rate", "yaw_rate_target", "yaw_rate_setpoint", "Sollgierrate", "yaw_rate_offset", "yaw_rate_limit",
@@ -49,7 +55,9 @@ NONE = [  # names of no quantity of the log
     "wheel_speed_fl", "WheelSpeedFR", "front_wheel_speed", "Raddrehzahl vorne links", "vitesse roue AV gauche",
     "ws_fr", "slip_angle_front", "brake_torque", "engine_torque_limit", "orientation.x", "mag.x",
     "angular_acceleration.y", "heading_accuracy", "speed_time", "vel_n", "counter", "gear",
-    "airspeed", "LWI_Lenkradw_Geschw", "/control/lateral/steering_tire_rotation_rate",
+    "airspeed", "LWI_Lenkradw_Geschw", "/control/lateral/steering_tire_rotation_rate", "目標ヨーレート", "目標車速",
+    "エンジン回転数", "アクセル開度", "ブレーキ圧", "左前輪速度", "风速", "油门开度", "ロールレート", "俯仰角速度",
+    "发动机转速", "스로틀", "操舵角速度", "ヨー角加速度", "速度制限",
 ]  # fmt: skip
 
 
@@ -183,3 +191,11 @@ def test_a_column_in_seconds_that_always_advances_is_the_clock_in_any_language()
     t = 0.01 * np.arange(400)
     columns = {"czas [s]": t, "speed [m/s]": 3.0 + np.sin(t), "yaw rate [rad/s]": 0.3 * np.sin(t)}
     assert guessed_mapping([Topic("", pd.DataFrame(columns))]).mapping["clocks"] == {"recorder": {"column": "czas [s]"}}
+
+
+@pytest.mark.parametrize(("factor_", "said"), [(1.0, False), (14.0, True), (40.0, True)])
+def test_steering_that_is_no_road_wheel_s_needs_a_scale(factor_, said):
+    exact = rows()
+    columns = {"yaw_rate": exact["r"], "speed": exact["v"], "steering [deg]": factor_ * np.degrees(exact["delta_cmd"])}
+    _, _, notes = guessed_mapping([table(**columns)])
+    assert any("like a steering wheel" in note for note in notes) == said

@@ -233,3 +233,20 @@ def test_numbers_that_nothing_measures(tmp_path):
     speed = next(column for column in found.topics[0].columns if column.name == "speed")
     assert speed.high < 100.0
     import_recordings([path], mapping_from_dict(found.mapping))
+
+
+@pytest.mark.parametrize(
+    ("encoding", "names"),
+    [
+        ("cp932", "時間[s],車速[km/h],ヨーレート[deg/s],操舵角[deg]"),
+        ("gb18030", "时间[s],车速[km/h],横摆角速度[deg/s],前轮转角[deg]"),
+        ("big5", "時間[s],車速[km/h],橫擺角速度[deg/s],轉向角[deg]"),
+        ("euc_kr", "시간[s],차속[km/h],요레이트[deg/s],조향각[deg]"),
+        ("cp1252", "Zeit [s],Geschwindigkeit [km/h],Girhastighet [°/s],Rattvinkel höger [°]"),
+    ],
+)
+def test_tables_in_the_encodings_of_their_countries(tmp_path, encoding, names):
+    rows = "\n".join(f"{0.01 * k:.2f},{50 + k % 7},{k % 5 - 2.5},{k % 3 - 1.5}" for k in range(50))
+    (tmp_path / "a.csv").write_bytes(f"{names}\n{rows}\n".encode(encoding))
+    (topic,) = read_topics(tmp_path / "a.csv")
+    assert list(topic.table) == names.split(",")

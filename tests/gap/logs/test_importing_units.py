@@ -10,12 +10,12 @@ from drift_drake.common.units import DIMENSIONS, OTHER, is_stated, meanings, uni
 from drift_drake.gap.logs.wording.conversion import QUANTITIES, dimensions_of, factor
 
 SPELLINGS = {
-    "km/h": "km/h KM/H Km/h kmh KMH kmph kph KPH km/hr km.h-1 km·h⁻¹ [km/h] (km/h) km\\h kilometers_per_hour",
+    "km/h": "km/h KM/H Km/h kmh KMH kmph kph KPH km/hr km.h-1 km·h⁻¹ [km/h] (km/h) km\\h km/t km/u km/時",
     "mph": "mph MPH Mph mi/h miles/h miles/hour",
     "kn": "kn kt kts KTS knots Knots knot",
     "ft/s": "ft/s FT/S fps ft/sec",
     "m/s": "m/s M/S m/sec m.s-1 m·s⁻¹ m*s^-1 mps ms-1",
-    "deg/s": "deg/s Deg/s DEG/S °/s º/s ˚/s dps deg/sec degrees/second Grad/s deg.s-1 Â°/s",
+    "deg/s": "deg/s Deg/s DEG/S °/s º/s ˚/s dps deg/sec degrees/second Grad/s deg.s-1 Â°/s grader/s 度/秒 도/초",
     "rad/s": "rad/s RAD/S rad/sec radps rad.s-1",
     "rpm": "rpm RPM 1/min U/min tr/min rev/min min-1",
     "m/s^2": "m/s^2 m/s² m/s2 M/S2 m.s-2 m·s⁻² m/s/s m/sec^2 m/s**2 mps2",
@@ -23,8 +23,8 @@ SPELLINGS = {
     "Gal": "Gal gal",
     "N m": "Nm NM N.m N·m N*m N-m newton-meters",
     "lb ft": "lb-ft ft-lb lbft ft.lbs lbf·ft ft-lbf",
-    "deg": "deg DEG Deg ° degrees Grad",
-    "s": "s sec SEC seconds Sekunden",
+    "deg": "deg DEG Deg ° degrees Grad grader graden gradi degrés 度 도",
+    "s": "s sec SEC seconds Sekunden 秒 초",
     "ms": "ms msec milliseconds",
     "us": "us µs μs usec",
     "%": "% pct percent",

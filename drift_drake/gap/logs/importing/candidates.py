@@ -1,4 +1,4 @@
-"""All columns that may be each quantity of a log, ranked by what motion says of them, then by their names."""
+"""Columns that may be each quantity of a log, by names and units; all columns, ranked by what motion says of them."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
@@ -7,14 +7,80 @@ import numpy as np
 from pandas.api.types import is_numeric_dtype
 
 from drift_drake.common.units import unit_of
-from drift_drake.gap.logs.importing.clocks import by_clock, clock_of, own_name, rate_of, seconds, with_numbers
+from drift_drake.gap.logs.importing.clocks import (
+    by_clock,
+    clock_of,
+    numbers_of_column,
+    own_name,
+    rate_of,
+    seconds,
+    with_numbers,
+)
 from drift_drake.gap.logs.importing.evidence import LIKE, Trace, agreements_with, derivative, likeness, product
 from drift_drake.gap.logs.importing.formats.topics import Topic
-from drift_drake.gap.logs.importing.guess import LOOKED_FOR, ColumnChoice, Traces, named_candidates
-from drift_drake.gap.logs.importing.names import stated_unit
+from drift_drake.gap.logs.importing.names import LIMIT, fit, stated_unit
 from drift_drake.gap.logs.wording.conversion import dimensions_of, to_iso8855
 
+LOOKED_FOR = ("latitude", "longitude", "course", "x", "y", "r", "psi", "vx", "vy", "v", "beta", "omega_r", "ax", "ay",
+              "delta_cmd", "tau_cmd")  # fmt: skip
+MOST_ROWS = 60_000  # that the motion is judged on
+SLOWER = 1.0  # what a constant column, and one without a clock, count against it
+FORMAT_SAYS = -10.0  # rank of a column that the file's format says is this quantity
+COMMANDED = ("delta_cmd", "tau_cmd")
+FEW = 100  # readings that are looked at first
 SLOWEST = 0.5  # [m/s] below which a rate of sideslip is not asked
+
+
+class ColumnChoice(NamedTuple):
+    """A column that may be a quantity: how badly its name fits, and its unit (None: not stated, `?`: not known)."""
+
+    topic: Topic
+    column: str
+    rank: float
+    unit: str | None
+
+
+class Traces:
+    """Readings of candidates, thinned, by their topic's clock (by rows where there is none)."""
+
+    def __init__(self, times: Mapping[str, np.ndarray]) -> None:
+        self.times = times
+
+    def __call__(self, candidate: ColumnChoice) -> Trace:
+        values = numbers_of_column(candidate.topic, candidate.column)
+        t = self.times.get(candidate.topic.name, np.arange(float(len(values))))
+        thin = slice(None, None, 1 + len(values) // MOST_ROWS)
+        return Trace(t[thin], values[thin], candidate.unit)
+
+
+def named_candidates(quantity: str, ordered: Sequence[Topic], clocks: Mapping[str, str]) -> list[ColumnChoice]:
+    """All columns that may be this quantity, the best first."""
+    found = []
+    for topic in ordered:
+        for column in topic.table.columns:
+            if column == clocks.get(topic.name) or not is_numeric_dtype(topic.table[column]):
+                continue
+            fits = fit(quantity, own_name(topic, column), topic.units.get(column, ""), topic.name)
+            if column in topic.known:
+                said = topic.known[column] == quantity
+                unit = unit_of(topic.units.get(column, ""), dimensions_of(quantity)) if said else None
+                fits = (FORMAT_SAYS, unit.name if unit else None) if said else None
+            if fits is None:
+                continue
+            values = numbers_of_column(topic, column)
+            seen = values[np.isfinite(values)]
+            if not len(seen):
+                continue
+            late = SLOWER * bool(np.ptp(seen) == 0.0) + SLOWER * (topic.name not in clocks)
+            late += LIMIT * (quantity not in COMMANDED and _is_flag(seen))
+            found.append(ColumnChoice(topic, str(column), fits[0] + late, fits[1]))
+    return sorted(found, key=lambda candidate: candidate.rank)
+
+
+def _is_flag(values: np.ndarray) -> bool:
+    """Whether readings are both of two of -1, 0 and 1, or all three: a sign or a state, of nothing that is measured."""
+    return bool(np.ptp(values) > 0.0 and np.isin(values[:FEW], (-1.0, 0.0, 1.0)).all()
+                and np.isin(values, (-1.0, 0.0, 1.0)).all())  # fmt: skip
 
 
 class RankedColumn(NamedTuple):

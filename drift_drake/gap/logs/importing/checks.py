@@ -13,7 +13,9 @@ import numpy as np
 from scipy.ndimage import uniform_filter1d
 
 from drift_drake.common.arrays import Array
+from drift_drake.gap.logs.importing.known import POSITION
 from drift_drake.gap.logs.importing.mapping import RecorderMapping
+from drift_drake.gap.logs.importing.position import against_position
 from drift_drake.gap.logs.screening.bad_samples import without_stuck
 from drift_drake.gap.logs.screening.consistency import consistency
 from drift_drake.gap.logs.screening.relations import Windows
@@ -85,7 +87,11 @@ def doubts_of(
     derived = [name for name in derived if name in ("x", "y", "psi") or name not in mapping.signals]
 
     def asked(runs: Sequence[Mapping[str, Array]]) -> Doubts:
-        return recording_doubts(runs, period, mapping.wheelbase, stated, derived)
+        said: list[str] = []
+        if set(mapping.signals) >= POSITION:
+            runs, said = against_position(runs, period, {*mapping.signals, *mapping.formulas})
+        found = recording_doubts(runs, period, mapping.wheelbase, stated, derived)
+        return found._replace(sentences=said + found.sentences)
 
     together = asked([columns for _, columns in parts])
     labels = list(dict.fromkeys(label for label, _ in parts))

@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
+from scipy.integrate import cumulative_trapezoid
 from scipy.ndimage import uniform_filter1d
 
 from drift_drake.common.arrays import Array
@@ -19,6 +20,8 @@ BETTER = 0.15  # of a correlation, from which motion outweighs the order of name
 AVERAGED = 0.3  # [s]
 EARTH = 6.371e6  # [m] radius
 LEAST = 30  # readings
+TURNS, SURE = 24, 3.0  # parts of a recording that turns are compared in; standard deviations of unlike ones
+MOVING = 0.2  # of the highest speed, below which a car has no direction
 RADII, LARGE = (0.015, 0.6), 0.15  # [m] of wheels, from the smallest models on, and of cars that one sits in
 FAST = 4.0  # [m/s]
 WHEELBASES = (0.1, 8.0)  # [m] of vehicles; times the steering ratio, 10 to 20, of the steering wheel's angle
@@ -114,29 +117,57 @@ def derivative(a: Trace, turns: bool = False) -> Trace:
     return Trace(t, np.gradient(_averaged(t, values), t), None)
 
 
-def travelled(north: Trace, east: Trace, degrees: bool) -> Trace:
-    """Speed [m/s] of a position [m], or of latitude and longitude [deg]."""
+def velocity(north: Trace, east: Trace, degrees: bool) -> tuple[Trace, Trace]:
+    """Velocity [m/s] to the north and east of a position [m], or of latitude and longitude [deg]."""
     along, across = derivative(north), derivative(east)
     if not len(along.t) or not len(across.t):  # too few readings
-        return Trace(along.t[:0], along.values[:0], "m/s")
-    if degrees:
-        size = math.radians(1.0) * EARTH
-        narrow = math.cos(math.radians(float(np.nanmean(north.values))))
-        along = dataclasses.replace(along, values=size * along.values)
-        across = dataclasses.replace(across, values=size * narrow * across.values)
-    return Trace(along.t, np.hypot(along.values, np.interp(along.t, across.t, across.values)), "m/s")
+        return Trace(along.t[:0], along.t[:0], "m/s"), Trace(along.t[:0], along.t[:0], "m/s")
+    size = math.radians(1.0) * EARTH if degrees else 1.0
+    narrow = math.cos(math.radians(float(np.nanmean(north.values)))) if degrees else 1.0
+    sideways = np.interp(along.t, across.t, across.values)
+    return Trace(along.t, size * along.values, "m/s"), Trace(along.t, size * narrow * sideways, "m/s")
+
+
+def travelled(north: Trace, east: Trace, degrees: bool) -> Trace:
+    """Speed [m/s] of a position [m], or of latitude and longitude [deg]."""
+    along, across = velocity(north, east, degrees)
+    return Trace(along.t, np.hypot(along.values, across.values), "m/s")
+
+
+def clockwise(north: Trace, east: Trace) -> Trace:
+    """How fast the direction of a velocity turns clockwise [rad/s], where the car moves."""
+    there = np.isfinite(east.values)
+    if np.count_nonzero(there) < LEAST:
+        return Trace(north.t[:0], north.t[:0], "rad/s")
+    across = np.interp(north.t, east.t[there], east.values[there])
+    speed = np.hypot(north.values, across)
+    moving = speed > MOVING * np.nanmax(speed, initial=0.0)
+    return derivative(Trace(north.t[moving], np.arctan2(across, north.values)[moving], "rad"), turns=True)
+
+
+def sense(one: Trace, other: Trace) -> int:
+    """Whether two rates turn the same way (1), against each other (-1), or it is not known (0)."""
+    read = [(trace.t[there], trace.values[there]) for trace in (one, other)
+            for there in [np.isfinite(trace.t) & np.isfinite(trace.values)]]  # fmt: skip
+    if min(len(t) for t, _ in read) < LEAST:
+        return 0
+    start, end = max(t[0] for t, _ in read), min(t[-1] for t, _ in read)
+    edges = np.linspace(start, end, 1 + max(TURNS, int(end - start)))
+    a, b = (np.diff(np.interp(edges, t, cumulative_trapezoid(values, t, initial=0.0))) for t, values in read)
+    size = float(np.linalg.norm(a) * np.linalg.norm(b))
+    alike = float(a @ b) / size if end > start and size > 0.0 else 0.0
+    return int(np.sign(alike)) if abs(alike) > max(0.5, SURE / math.sqrt(len(a))) else 0
 
 
 def is_course(heading: Trace, t: Array, north: Array, east: Array) -> bool:
     """Whether a heading from north to the east is the direction in which a latitude and longitude [deg] move."""
-    away = derivative(Trace(t, north, None)), derivative(Trace(t, east, None))
-    if len(away[0].t) != len(away[1].t) or not len(away[0].t):
+    along, across = velocity(Trace(t, north, None), Trace(t, east, None), degrees=True)
+    if not len(along.t):
         return False
-    narrow = np.cos(np.radians(np.nanmedian(north)))
     seen = np.isfinite(heading.values) & np.isfinite(heading.t)
     degrees = heading.unit == "deg" or (heading.unit is None and np.ptp(heading.values[seen]) > 7.0)
     angle = np.unwrap(np.radians(heading.values[seen]) if degrees else heading.values[seen])
-    off = np.interp(away[0].t, heading.t[seen], angle) - np.arctan2(narrow * away[1].values, away[0].values)
+    off = np.interp(along.t, heading.t[seen], angle) - np.arctan2(across.values, along.values)
     return bool(np.median(np.abs(np.angle(np.exp(1j * off)))) < SAME_WAY)
 
 

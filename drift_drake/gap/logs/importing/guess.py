@@ -6,13 +6,12 @@ from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from pandas.api.types import is_numeric_dtype
 
-from drift_drake.common.units import DIMENSIONS, unit_of
+from drift_drake.common.units import DIMENSIONS
+from drift_drake.gap.logs.importing.candidates import LOOKED_FOR, ColumnChoice, Traces, named_candidates
 from drift_drake.gap.logs.importing.clocks import (
     by_clock,
     clock_of,
-    numbers_of_column,
     own_name,
     rate_of,
     read_together,
@@ -22,12 +21,13 @@ from drift_drake.gap.logs.importing.clocks import (
 from drift_drake.gap.logs.importing.evidence import (
     LIKE,
     RADII,
+    WHEELBASES,
     Trace,
     better,
-    derivative,
     is_course,
     is_raw,
     likeness,
+    product,
     ratio,
     steering_unit,
     travelled,
@@ -35,34 +35,20 @@ from drift_drake.gap.logs.importing.evidence import (
     wheel_unit,
 )
 from drift_drake.gap.logs.importing.formats.topics import Topic
+from drift_drake.gap.logs.importing.handedness import handedness, tracks
 from drift_drake.gap.logs.importing.names import DRIVEN, LIMIT, fit, is_demand, is_handwheel, is_in_g, stated_unit
-from drift_drake.gap.logs.wording.conversion import QUANTITIES, dimension, dimensions_of, units_of
+from drift_drake.gap.logs.wording.conversion import QUANTITIES, dimension, units_of
 
-LOOKED_FOR = ("latitude", "longitude", "course", "x", "y", "r", "psi", "vx", "vy", "v", "beta", "omega_r", "ax", "ay",
-              "delta_cmd", "tau_cmd")  # fmt: skip
 NEEDED = {"delta_cmd": "rad", "r": "rad/s", "v": "m/s"}
 LARGEST = {"delta_cmd": 4.0 * np.pi, "beta": np.pi, "course": 7.0}  # [rad] of a steering wheel, of a spinning car
 NEAR = 1.0  # of ranks, between which the motion decides
-MOST_ROWS = 60_000  # that the motion is judged on
 MOST_NAMED = 6  # columns in a sentence
 BACKWARDS = 0.2  # share of readings below zero from which vx is no car's forward speed
-SLOWER = 1.0  # what a constant column, and one without a clock, count against it
-FORMAT_SAYS = -10.0  # rank of a column that the file's format says is this quantity
-COMMANDED = ("delta_cmd", "tau_cmd")
-FEW = 100  # readings that are looked at first
 METRES = 1.11e5  # of a degree
 FASTEST = 150.0  # [m/s] of a vehicle whose latitude and longitude these may be
 TOGETHER = 0.1  # of a recording, within which clocks of one epoch have their first readings
+FARTHEST = 50.0  # [deg] that road wheels are turned by, but of few drift cars
 RADIUS = 0.3  # [m] of a wheel, where nothing tells it
-
-
-class ColumnChoice(NamedTuple):
-    """A column that may be a quantity: how badly its name fits, and its unit (None: not stated, `?`: not known)."""
-
-    topic: Topic
-    column: str
-    rank: float
-    unit: str | None
 
 
 class Guess(NamedTuple):
@@ -84,7 +70,8 @@ def guessed_mapping(topics: Sequence[Topic]) -> Guess:
     signals = Traces(times)
     found, notes = _one_position(_chosen(choices, signals), signals)
     notes += _choices_said(found, choices)
-    units, said = _units(found, signals, ordered)
+    place = _place(choices, signals)
+    units, said = _units(found, signals, place)
     entries, of_column = _clock_entries(found, clocks, rates)
     blocks = [name for name, clock in clocks.items() if name == clock]  # of one table: see `by_clock`
     if len(blocks) > 1 and _began_together([times[name] for name in blocks]):
@@ -96,7 +83,11 @@ def guessed_mapping(topics: Sequence[Topic]) -> Guess:
         lines[key] = {"column": column, "unit": units[key]}
         if len(entries) > 1:
             lines[key]["clock"] = of_column[topic.name, column]
-    said += _adapted(lines, found, signals, units)
+    read = {key: dataclasses.replace(signals(c), unit=units[key]).si() for key, c in found.items()}
+    handed = handedness(found, units, read, tracks(topics, signals, place))
+    for key, frame in handed.lines.items():
+        lines[key]["frame"] = frame
+    said += _adapted(lines, read, units) + handed.notes
     said += [
         f"No column looks like the times of {name or 'the table'}: name it in place of '?' under 'clocks'."
         for name in dict.fromkeys(topic.name for topic, *_ in found.values())
@@ -104,52 +95,8 @@ def guessed_mapping(topics: Sequence[Topic]) -> Guess:
     ]
     known = set(found) | ({"v"} if {"vx", "latitude"} & set(found) else set())
     known |= {"r", "v"} if {"x", "y", "psi"} <= set(found) else set()
-    frame = next((c.topic.frame for c in found.values() if c.topic.frame), "iso8855")
-    mapping = {"frame": frame, "clocks": entries, "signals": lines}
+    mapping = {"frame": handed.frame, "clocks": entries, "signals": lines}
     return Guess(mapping, [name for name in NEEDED if name not in known], notes + said)
-
-
-class Traces:
-    """Readings of candidates, thinned, by their topic's clock (by rows where there is none)."""
-
-    def __init__(self, times: Mapping[str, np.ndarray]) -> None:
-        self.times = times
-
-    def __call__(self, candidate: ColumnChoice) -> Trace:
-        values = numbers_of_column(candidate.topic, candidate.column)
-        t = self.times.get(candidate.topic.name, np.arange(float(len(values))))
-        thin = slice(None, None, 1 + len(values) // MOST_ROWS)
-        return Trace(t[thin], values[thin], candidate.unit)
-
-
-def named_candidates(quantity: str, ordered: Sequence[Topic], clocks: Mapping[str, str]) -> list[ColumnChoice]:
-    """All columns that may be this quantity, the best first."""
-    found = []
-    for topic in ordered:
-        for column in topic.table.columns:
-            if column == clocks.get(topic.name) or not is_numeric_dtype(topic.table[column]):
-                continue
-            fits = fit(quantity, own_name(topic, column), topic.units.get(column, ""), topic.name)
-            if column in topic.known:
-                said = topic.known[column] == quantity
-                unit = unit_of(topic.units.get(column, ""), dimensions_of(quantity)) if said else None
-                fits = (FORMAT_SAYS, unit.name if unit else None) if said else None
-            if fits is None:
-                continue
-            values = numbers_of_column(topic, column)
-            seen = values[np.isfinite(values)]
-            if not len(seen):
-                continue
-            late = SLOWER * bool(np.ptp(seen) == 0.0) + SLOWER * (topic.name not in clocks)
-            late += LIMIT * (quantity not in COMMANDED and _is_flag(seen))
-            found.append(ColumnChoice(topic, str(column), fits[0] + late, fits[1]))
-    return sorted(found, key=lambda candidate: candidate.rank)
-
-
-def _is_flag(values: np.ndarray) -> bool:
-    """Whether readings are both of two of -1, 0 and 1, or all three: a sign or a state, of nothing that is measured."""
-    return bool(np.ptp(values) > 0.0 and np.isin(values[:FEW], (-1.0, 0.0, 1.0)).all()
-                and np.isin(values, (-1.0, 0.0, 1.0)).all())  # fmt: skip
 
 
 def _chosen(choices: Mapping[str, list[ColumnChoice]], signals: Traces) -> dict[str, ColumnChoice]:
@@ -231,7 +178,7 @@ def _choices_said(found: Mapping[str, ColumnChoice], choices: Mapping[str, list[
 
 
 def _units(
-    found: Mapping[str, ColumnChoice], signals: Traces, topics: Sequence[Topic]
+    found: Mapping[str, ColumnChoice], signals: Traces, place: tuple[Trace, Trace] | None
 ) -> tuple[dict[str, str], list[str]]:
     """Units of the chosen columns: as stated, else by names and motion, else SI; and sentences on them."""
     units = {key: c.unit for key, c in found.items()}
@@ -252,7 +199,7 @@ def _units(
         if c.unit is None and QUANTITIES[key] == "acceleration" and is_in_g(c.column):
             units[key] = "g"
     read = {key: dataclasses.replace(signals(c), unit=units[key]) for key, c in found.items()}
-    by_motion = units_by_motion(read, _speed_of_position(found, signals, topics))
+    by_motion = units_by_motion(read, _speed_of_position(found, signals, place))
     for key, size in LARGEST.items():
         if key in found and units[key] is None and np.nanmax(np.abs(read[key].values), initial=0.0) > size:
             by_motion[key] = "deg"
@@ -276,23 +223,22 @@ def _units(
     return {key: units[key] or by_motion.get(key) or plain[key] for key in found}, sentences
 
 
-def _speed_of_position(found: Mapping[str, ColumnChoice], signals: Traces, topics: Sequence[Topic]) -> Trace | None:
-    """Speed by x and y in metres, or by latitude and longitude in degrees."""
+def _place(choices: Mapping[str, list[ColumnChoice]], signals: Traces) -> tuple[Trace, Trace] | None:
+    """Latitude and longitude [deg], whether or not they are chosen."""
+    halves = [choices[name][0] for name in ("latitude", "longitude") if name in choices]
+    if len(halves) < 2 or halves[0].topic is not halves[1].topic:
+        return None
+    north, east = (signals(half) for half in halves)
+    return (north, east) if np.nanmax(np.abs(north.values), initial=0.0) <= 90.0 else None
+
+
+def _speed_of_position(
+    found: Mapping[str, ColumnChoice], signals: Traces, place: tuple[Trace, Trace] | None
+) -> Trace | None:
+    """Speed by x and y in metres, or by latitude and longitude."""
     if {"x", "y"} <= set(found) and found["x"].unit in (None, "m"):
         return travelled(signals(found["x"]), signals(found["y"]), degrees=False)
-    for topic in topics:
-        names = {
-            own_name(topic, column).lower().split(".")[-1].split(" ")[0]: str(column) for column in topic.table.columns
-        }
-        place = [
-            next((names[n] for n in words if n in names), None)
-            for words in (("latitude", "lat"), ("longitude", "lon", "long"))
-        ]
-        if all(name is not None and is_numeric_dtype(topic.table[name]) for name in place):
-            north, east = (signals(ColumnChoice(topic, str(name), 0.0, "deg")) for name in place)
-            if np.nanmax(np.abs(north.values), initial=0.0) <= 90.0:
-                return travelled(north, east, degrees=True)
-    return None
+    return None if place is None else travelled(*place, degrees=True)
 
 
 def _began_together(times: Sequence[np.ndarray]) -> bool:
@@ -324,20 +270,21 @@ def _clock_entries(
     return entries, of_column
 
 
-def _adapted(
-    lines: dict[str, Any], found: Mapping[str, ColumnChoice], signals: Traces, units: Mapping[str, str]
-) -> list[str]:
-    """Adds a wheel's radius and a compass' frame to the lines of signals; sentences on them."""
-    read = {key: dataclasses.replace(signals(c), unit=units[key]).si() for key, c in found.items()}
+def _adapted(lines: dict[str, Any], read: Mapping[str, Trace], units: Mapping[str, str]) -> list[str]:
+    """Adds a wheel's radius to its line; sentences on it, and on steering that is no road wheel's."""
     sentences = []
     if "omega_r" in lines and dimension(units["omega_r"]) == "angular rate":
         by_motion = ratio(read["omega_r"], read["v"]) if "v" in read else 0.0
         lines["omega_r"]["radius"] = round(by_motion, 3) if RADII[0] < by_motion < RADII[1] else RADIUS
         sentences.append(f"The radius of omega_r is {'that of v' if by_motion else 'a guess'}: write the wheel's own.")
-    if "course" in lines:  # receivers count it clockwise from north
-        same = "r" in read and likeness(read["r"], derivative(read["course"], turns=True)) > LIKE
-        lines["course"] |= {} if same else {"frame": "ned"}
-    if {"psi", "r"} <= set(read) and likeness(read["r"], derivative(read["psi"], turns=True)) < -LIKE:
-        lines["psi"]["frame"] = "ned"
-        sentences.append("psi turns against r: it is taken for a compass' heading, positive to the right (frame: ned).")
+    if "delta_cmd" in lines and units["delta_cmd"] != "?" and not is_handwheel(lines["delta_cmd"]["column"]):
+        steer, length = read["delta_cmd"], 0.0
+        if {"v", "r"} <= set(read) and abs(likeness(read["r"], product(steer, read["v"]))) > LIKE:
+            length = abs(ratio(read["r"], product(steer, read["v"])))
+        reach = np.degrees(np.nanmax(np.abs(steer.values), initial=0.0))
+        if reach > FARTHEST or length > WHEELBASES[1]:
+            sentences.append(
+                f"delta_cmd reaches {reach:.0f} deg, like a steering wheel: to be the road wheel's it needs 'scale: ?' "
+                "in its line, one over the steering ratio."
+            )
     return sentences

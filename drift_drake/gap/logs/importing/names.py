@@ -25,8 +25,8 @@ SYMBOLS = ("x", "y", "r", "v", "t", "delta", "beta", "gee lat", "gee long", "v c
 RULES = {
     "x": Rule(("pos x", "x"), "pos"),
     "y": Rule(("pos y", "y"), "pos"),
-    "latitude": Rule(("latitude", "lat"), ""),
-    "longitude": Rule(("longitude", "long"), ""),
+    "latitude": Rule(("latitude", "lat"), "pos"),
+    "longitude": Rule(("longitude", "long"), "pos"),
     "course": Rule(("course",), "angle heading"),
     "r": Rule(
         ("yaw rate", "yaw speed", "heading rate", "yaw gyro", "angular z", "gyro z", "rate z", "angle speed z",
@@ -62,6 +62,7 @@ IN_WORDS = ("mdps", "kmh", "kph", "kmph", "kmhr", "mph", "mps", "mps2", "fps", "
             "dps", "rpm", "percent")  # fmt: skip
 DOUBTFUL = ("min", "in", "mi", "rev", "turn", "day", "us", "u", "tr", "deg c", "revs", "tour", "no", "st")
 OF_TOPICS = r"status|report|info"  # that say nothing of what a topic holds
+BRACKETS = str.maketrans("（）［］【】", "()[][]")  # noqa: RUF001
 EARTH = "ned"  # last letters of velocities to the north, east and down
 SHORTENED = 5  # letters from which a word in front of others still speaks (`Lenkradw`, `speedfilt`)
 PART = re.compile(r"[A-Z]{2,4}_(?=.*[a-z])")  # of a car, that sends the signal (`ESP_v_Signal`)
@@ -115,7 +116,7 @@ def bracketed(name: str) -> tuple[str, Stated | None]:
     """A name without its last brackets, and the unit in them; brackets that say no unit (`W (IMU)`) stay."""
     if len(name) > LONGEST:
         return name, None
-    name = re.sub(r" \(column \d+\)$", "", name)  # of two with one name
+    name = re.sub(r" \(column \d+\)$", "", name).translate(BRACKETS)  # of two with one name
     found = re.search(r"\s*(\[([^\[\]]*[^\[\]\d\s][^\[\]]*)\]|\(([^()]*)\))([^\[\]()]*)$", name)
     if not found:
         return name, None

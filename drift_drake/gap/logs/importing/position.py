@@ -6,13 +6,14 @@ of the velocity, is positive to the left from north.
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 
 from drift_drake.common.arrays import Array
 from drift_drake.common.errors import MissingExtraError
+from drift_drake.gap.logs.importing.evidence import Trace, clockwise, derivative, product, sense, velocity
 from drift_drake.gap.logs.importing.formats.files import InvalidRecordingError
 from drift_drake.gap.logs.importing.smoothing import smooth
 
@@ -83,6 +84,40 @@ def path_motion(
         course, rate = turning.value[:, 0], turning.rate[:, 0]
     rate = np.where(v < SLOWEST, 0.0, rate)
     return {"v": v, "course": course, "course_rate": rate, "path_ax": v_dot, "path_ay": v * rate}
+
+
+def against_position(
+    runs: Sequence[Mapping[str, Array]], period: float, measured: Collection[str]
+) -> tuple[Sequence[Mapping[str, Array]], list[str]]:
+    """The runs with r turned, and what agrees with it, where r turns against the positions; and a sentence on it.
+
+    Args:
+        runs: columns of the log [n], x to the north and y to the west; period: time between rows [s]; measured: names
+            of columns that are no others' result.
+    """
+    t: Array = period * np.arange(float(sum(len(run["r"]) for run in runs)))
+
+    def whole(name: str) -> Trace:
+        return Trace(t, np.concatenate([run[name] for run in runs]), None)
+
+    r = whole("r")
+    turning = clockwise(*velocity(whole("x"), Trace(t, -whole("y").values, None), degrees=False))
+    if sense(r, turning) != 1:
+        return runs, []
+    across = product(r, whole("v"))
+
+    def agrees(name: str) -> bool:
+        if name == "psi":
+            return sense(derivative(whole(name), turns=True), turning) == 1
+        return name not in ("ay", "delta_cmd") or sense(whole(name), across) == 1
+
+    there = [name for name in ("r", "ay", "delta_cmd", "psi", "beta", "vy") if all(name in run for run in runs)]
+    mirrored = [name for name in there if name in measured and agrees(name)]
+    wrong = {"beta"} - set(measured) if "psi" in mirrored else set()
+    return [
+        {name: -values if name in mirrored else values for name, values in run.items() if name not in wrong}
+        for run in runs
+    ], [f"r turns against the position: {', '.join(mirrored)} are mirrored; change their frame (ned, or iso8855)."]
 
 
 def course_doubts(columns: Mapping[str, Array], period: float) -> list[str]:

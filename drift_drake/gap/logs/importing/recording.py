@@ -15,10 +15,11 @@ from drift_drake.car.log.plausible import ABSURD, LARGEST
 from drift_drake.common.apart import read_guarded
 from drift_drake.common.arrays import Array
 from drift_drake.common.units import PACKED, unit_of
-from drift_drake.gap.logs.importing.clocks import packed_doubts
+from drift_drake.gap.logs.importing.clocks import own_name, packed_doubts
 from drift_drake.gap.logs.importing.formats.files import InvalidRecordingError, read_topics
 from drift_drake.gap.logs.importing.formats.times import clock_seconds
 from drift_drake.gap.logs.importing.formats.topics import Topic
+from drift_drake.gap.logs.importing.handedness import is_compass
 from drift_drake.gap.logs.importing.known import POSITION
 from drift_drake.gap.logs.importing.mapping import Clock, RecorderMapping, Signal
 from drift_drake.gap.logs.importing.names import stated_unit
@@ -181,6 +182,12 @@ def _signal(
         int(rows[row]): f"{numbers[rows[row]]:g}" for row in absurd
     }
     doubts = contradicted(topic, column, signal.unit, f"signals.{key}.unit") if signal.scale == 1.0 else []
+    if (signal.frame or frame) == "iso8855" and signal.sign == 1.0 and key in ("psi", "course"):
+        name, degrees = own_name(topic, column), unit_of(signal.unit) == unit_of("deg")
+        if is_compass(name, numbers[rows], degrees, key == "course"):
+            doubts.append(
+                f"'{column}' is a compass' heading, clockwise: it, and what turns with it, needs 'frame: ned'."
+            )
     return values, doubts + left_out(signal.column, reported, rows, t)
 
 

@@ -80,7 +80,8 @@ def stretch_of(readings: Readings, part: slice, mapping: RecorderMapping) -> Str
         captured = captured_motion(
             t, signals["x"], signals["y"], signals["psi"], mapping.measured_point, mapping.bandwidth
         )
-        wanted = {"x", "y", "psi"} | {name for name in mapping.derive if name in DERIVABLE and name not in signals}
+        given = set(signals) | ({"v", "beta"} if {"vx", "vy"} <= set(mapping.signals) else set())
+        wanted = {"x", "y", "psi"} | {name for name in mapping.derive if name in DERIVABLE and name not in given}
         columns |= {name: captured.columns[name] for name in sorted(wanted)}
         read = _filled(t, signals["psi"])
         for start, stop in stuck(read, captured.columns["v"], float(np.median(np.diff(t)))):

@@ -20,6 +20,7 @@ from drift_drake.gap.logs.screening.averaging import (
 from drift_drake.gap.logs.screening.relations import MOVING
 
 BLOCK = 4  # windows, 1.2 s, within which errors may be alike
+SHORTEST_BLOCK, BLOCKS = 3, 12  # of logs too short for as many blocks
 
 
 @dataclasses.dataclass(frozen=True)
@@ -62,14 +63,17 @@ def motion_of_columns(runs: Sequence[Columns], periods: Sequence[float], slowest
     slowest: share of a run's high speeds below which a window is left out.
     """
     parts, blocks = [], 0
-    for index, (columns, period) in enumerate(zip(runs, periods, strict=True)):
-        parts.append(_of_run(columns, period, index, blocks, slowest))
+    how = [averaging(len(np.asarray(columns["v"])), period) for columns, period in zip(runs, periods, strict=True)]
+    size = int(np.clip(sum(len(over.starts) for over in how) // BLOCKS, SHORTEST_BLOCK, BLOCK))
+    for index, (columns, period, over) in enumerate(zip(runs, periods, how, strict=True)):
+        parts.append(_of_run(columns, period, index, over, blocks + np.arange(len(over.starts)) // size, slowest))
         blocks += len(np.asarray(columns["v"]))
     return Kinematics.joined(parts)
 
 
-def _of_run(columns: Columns, period: float, index: int, first_block: int, slowest: float) -> Kinematics:
-    over = averaging(len(np.asarray(columns["v"])), period)
+def _of_run(
+    columns: Columns, period: float, index: int, over: Averaging, block: np.ndarray, slowest: float
+) -> Kinematics:
     mean, change = over.mean, over.change
 
     def evened(angle: np.ndarray) -> np.ndarray:
@@ -85,7 +89,7 @@ def _of_run(columns: Columns, period: float, index: int, first_block: int, slowe
     course, moved = _path(column(columns, "x"), column(columns, "y"), over)
     found = Kinematics(
         **averages(columns, over, index),
-        block=first_block + np.arange(len(over.starts)) // BLOCK,
+        block=block,
         row=over.starts + over.width // 2,
         psi=mean(psi),
         beta=mean(beta),

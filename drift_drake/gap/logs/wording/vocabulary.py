@@ -1,4 +1,4 @@
-"""The words of a column's name, and what they speak of, in English, German and French (some in Italian and Spanish).
+"""The words of a column's name, and what they speak of, in English, German and French (some in seven other languages).
 
 Accents are left out; German umlauts stand with and without their e.
 """
@@ -7,10 +7,12 @@ import functools
 import re
 import unicodedata
 
+from drift_drake.gap.logs.wording.eastern import in_english
+
 CONCEPTS = {
     "yaw": "yaw yawing gier gieren gir lacet imbardata guinada",
     "turn": "roll rolling wank wanken roulis rollio pitch pitching nick nicken tangage beccheggio",  # not about z
-    "rate": "rate rates rt taux dot punkt point deriv",
+    "rate": "rate rates rt taux taxa dot punkt point deriv",
     "gyro": "gyro gyros gyr gyroscope gyroskop gyroscop kreisel drehrate drehraten rotation",
     "angular": "angular angulaire rotational angvel winkelgeschwindigkeit",
     "linear": "linear",
@@ -18,8 +20,10 @@ CONCEPTS = {
         "speed speeds spd velocity velocities vel velo geschwindigkeit geschw vitesse vit velocidad "
         "velocidade velocita hastighet snelheid sog"
     ),
-    "steer": "eps steer steering steered str strg lenk lenkung lenken braquage sterzo sterzata",
-    "handwheel": "handwheel swa sas lenkrad volant volante ratt stuurwiel",
+    "steer": (
+        "eps steer steering steered str strg lenk lenkung lenken braquage sterzo sterzata styr stuur direccion direcao"
+    ),
+    "handwheel": "handwheel swa sas lenkrad volant volante ratt stuurwiel timon",
     "road": "road roadwheel strasse",
     "angle": "angle ang angles winkel wkl angulo angolo vinkel hoek",
     "wheel": "wheel wheels whl whls rad raeder rader roue roues ruota ruote rueda pneu",
@@ -34,24 +38,24 @@ CONCEPTS = {
     "long": "long lon longitudinal longitudinale langs laengs inline forward fwd vorwaerts",
     "x": "x",
     "y": "y",
-    "z": "z vertical vertikal verticale hoch",
+    "z": "z vertical vertikal verticale hoch down",
     "latitude": "latitude breite breitengrad",
     "longitude": "longitude lng laenge laengengrad",
     "course": "course cog kurs bearing",
-    "heading": "heading hdg cap psi steuerkurs",
+    "heading": "heading hdg cap psi steuerkurs rumbo azimuth azimut",
     "orientation": "orientation quat quaternion attitude euler rpy ypr lage",
     "slip": "slip sideslip schwimm derive drift",
     "side": "side seiten",
     "beta": "beta",
     "delta": "delta",
-    "torque": "torque torques trq tq moment drehmoment couple coppia tau",
+    "torque": "torque torques trq tq moment drehmoment couple coppia vridmoment koppel tau",
     "engine": (
         "engine eng motor motors mot moteur motore crank crankshaft kurbelwelle antrieb antriebs traction drivetrain "
         "shaft propshaft cardan powertrain emotor"
     ),
     "rear": "rear rl rr lr hl hr hinten hinter hinterachse heck arriere ar arg ard back posteriore",
     "front": "front f fl fr lf rf vl vr vorn vorne vorder vorderachse avant av avg avd anteriore",
-    "earth": "north east nord sud ned enu",
+    "earth": "north east northing easting nord sud ned enu",
     "hand": "left right links rechts gauche droite",
     "pos": "pos position positions location pose",
     "v": "v",
@@ -71,7 +75,7 @@ CONCEPTS = {
         "state states drive unix data msg msgs message header twist stamped value val signal sig channel ch vicon "
         "mocap optitrack vbox racebox racelogic aim motec cog cg com mpu vesc fix pvt local global map world base "
         "link frame elapsed log since start uptime boot system sys ros recording recorder session of and the in at by "
-        "for de du la le au del della dell di al der die das von vom rec xyz "
+        "for de do du la le au del della dell di al der die das von vom rec xyz "
         "true mean smoothed smooth lowpass lp current topic can1 can2 bus "
         "hydra daq logger adma oxts rt3000 kistler correvit inertial unit group"
     ),
@@ -83,7 +87,8 @@ CONCEPTS = {
     "other": (
         "wind vent wehen air airspeed luft gust gusts fan ventilator luefter pump pumpe pompe oil oel huile fuel "
         "turbo turbine gear gearbox getriebe ratio brake brakes bremse bremsen frein clutch kupplung embrayage "
-        "throttle pedal gas accelerator lap laps lapnumber runde tour sector sektor split beacon distance dist "
+        "throttle pedal gas accelerator acelerador acceleratore freno freio broms gaspedal drosselklappe papillon "
+        "lap laps lapnumber runde tour sector sektor split beacon distance dist "
         "strecke altitude height hoehe elevation temp temperature temperatur pressure druck pression voltage volt "
         "spannung battery batt power leistung lambda count counter index idx id number num nr quality valid validity "
         "status flag flags accuracy genauigkeit precision error err fehler erreur std stddev stdev dev deviation var "
@@ -125,10 +130,10 @@ LONGEST = 200  # characters of a name that is read
 @functools.lru_cache(maxsize=8192)
 def pieces(name: str) -> tuple[str, ...]:
     """The words of a name in lower case, without accents, cut at signs, capitals and digits, and compounds apart."""
-    plain = unicodedata.normalize("NFKD", name.replace("ß", "ss").replace("œ", "oe").replace("Œ", "Oe"))
+    plain = unicodedata.normalize("NFKD", in_english(name).replace("ß", "ss").replace("œ", "oe").replace("Œ", "Oe"))
     plain = "".join(letter for letter in plain if not unicodedata.combining(letter))
     found: list[str] = []
-    for word in re.findall(r"[A-Z]+(?=[A-Z][a-z])|[A-Z]?[a-z]+|[A-Z]+|\d+", plain):
+    for word in re.findall(r"[A-Z]+(?=[A-Z][a-z])|[A-Z]?[a-z]+|[A-Z]+|\d+|[^\W\d_a-zA-Z]+", plain):
         word = word.lower()
         if found and found[-1] + word in WORDS and (len(found[-1]) == 1 or len(word) == 1):
             found[-1] += word  # v_x, g-force, gLat

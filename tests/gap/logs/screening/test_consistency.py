@@ -51,6 +51,9 @@ def test_short_logs_say_how_closely_they_tell_a_scale():
     short, long = (consistency_of([kinematic_log(seconds)], CAR).undecided for seconds in (5.0, 60.0))
     assert "whether the scale of r and v is right within a factor of 2" in short
     assert not any("scale" in clause for clause in long)
+    log = kinematic_log(11.0).without("x", "y", "psi", "beta", "omega_r")
+    assert said(log) == []
+    assert any("30 % too large" in one or "31 % too large" in one for one in said(*with_factors([log], {"v": 1.3})))
 
 
 @pytest.mark.parametrize("seed", [3, pytest.param(4, marks=pytest.mark.slow)])

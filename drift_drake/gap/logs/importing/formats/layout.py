@@ -8,6 +8,7 @@ import re
 from collections import Counter
 
 from drift_drake.common.units import is_stated, meanings
+from drift_drake.gap.logs.wording.eastern import SURE
 from drift_drake.gap.logs.wording.vocabulary import speaks_of
 
 HEAD = 1 << 18  # bytes that are looked at
@@ -16,6 +17,7 @@ SEPARATORS = (",", ";", "\t", "|")
 BLANKS = r"\s+"  # as separator: columns between blanks
 MARKS = ((codecs.BOM_UTF8, "utf-8-sig"), (codecs.BOM_UTF32_LE, "utf-32"), (codecs.BOM_UTF32_BE, "utf-32"),
          (codecs.BOM_UTF16_LE, "utf-16"), (codecs.BOM_UTF16_BE, "utf-16"))  # fmt: skip
+EASTERN = ("cp932", "gb18030", "euc_kr", "big5")  # where a text has known words in it
 OTHERWISE = "cp1252"  # encoding of a text that is not UTF-8
 COMMENTS = ("#", "//", "%")
 NUMBER = re.compile(r"[+-]?(\d+([.,]\d*)*|[.,]\d+)([eE][+-]?\d+)?|[+-]?(nan|inf|infinity)", re.IGNORECASE)
@@ -76,7 +78,7 @@ def layout_of(head: bytes, whole: bool) -> Layout:
 
 
 def encoding_of(head: bytes) -> str:
-    """UTF-8, -16, -32 by their marks and zeros, else Windows' 1252, which most older recorders write."""
+    """UTF-8, -16, -32 by their marks and zeros, eastern ones by known words in them, else Windows' 1252."""
     for mark, name in MARKS:
         if head.startswith(mark):
             return name
@@ -85,7 +87,7 @@ def encoding_of(head: bytes) -> str:
     try:
         codecs.getincrementaldecoder("utf-8")().decode(head)
     except UnicodeDecodeError:
-        return OTHERWISE
+        return next((name for name in EASTERN if SURE.search(head.decode(name, errors="ignore"))), OTHERWISE)
     return "utf-8"
 
 

@@ -1,0 +1,149 @@
+"""Whether a recorder's axes are positive to the left, as in ISO 8855, or to the right: columns that agree do not tell.
+
+What does: a position over ground, velocities to the north and east, a compass' heading, which is clockwise from north,
+and names.
+"""
+
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from pandas.api.types import is_numeric_dtype
+
+from drift_drake.common.arrays import Array
+from drift_drake.gap.logs.importing.candidates import ColumnChoice, Traces
+from drift_drake.gap.logs.importing.clocks import own_name
+from drift_drake.gap.logs.importing.evidence import Trace, clockwise, derivative, product, sense, velocity
+from drift_drake.gap.logs.importing.formats.topics import Topic
+from drift_drake.gap.logs.importing.names import COMMON, bracketed, concepts
+from drift_drake.gap.logs.wording.vocabulary import pieces
+
+AXES = {"north": "north", "northing": "north", "n": "north", "east": "east", "easting": "east", "e": "east"}
+LEFT, RIGHT = {"enu", "flu"}, {"ned", "frd", "down"}  # words of a yaw rate that is positive to that side
+WRAP = 0.75  # of a turn, that a heading jumps by where it passes north
+RELATIVE = 1.0  # [deg] from which a heading does not begin where a drive does
+UPRIGHT = 5.0  # [m/s^2] of a vertical acceleration that is gravity
+
+
+class Handed(NamedTuple):
+    """The frame of a mapping, the lines that have another one, and sentences on both."""
+
+    frame: str
+    lines: dict[str, str]
+    notes: list[str]
+
+
+def tracks(topics: Sequence[Topic], signals: Traces, place: tuple[Trace, Trace] | None) -> list[tuple[str, Trace]]:
+    """How fast the car's direction of travel turns clockwise [rad/s], by what says so.
+
+    place: latitude and longitude [deg].
+    """
+    found = [] if place is None else [("the position", clockwise(*velocity(*place, degrees=True)))]
+    for topic in topics:
+        columns = {axis: column for column in map(str, topic.table.columns) if (axis := _axis(topic, column))}
+        for of in ("velocity", "position"):
+            if {(of, "north"), (of, "east")} <= set(columns):
+                names = [columns[of, way] for way in ("north", "east")]
+                north, east = (signals(ColumnChoice(topic, name, 0.0, None)) for name in names)
+                ways = (north, east) if of == "velocity" else velocity(north, east, degrees=False)
+                found.append((" with ".join(names), clockwise(*ways)))
+    return found
+
+
+def _axis(topic: Topic, column: str) -> tuple[str, str] | None:
+    """Whether a column is a velocity's or a position's part to the north or east (`vel_n`, `VelEast`, `easting`)."""
+    name = bracketed(own_name(topic, column))[0]
+    words = ("v", name[1:].lower()) if name.lower() in ("vn", "ve") else pieces(name)
+    way = AXES.get(words[-1]) or next((AXES[word] for word in words if len(word) > 1 and word in AXES), None)
+    said = concepts(" ".join(words))[0] - COMMON - {"earth", "linear", "x", "y"}
+    of = {frozenset({"speed"}): "velocity", frozenset({"v"}): "velocity", frozenset({"pos"}): "position"}
+    kind = of.get(frozenset(said)) or (None if said or len(words[-1]) == 1 else "position")
+    return None if way is None or kind is None or not is_numeric_dtype(topic.table[column]) else (kind, way)
+
+
+def is_compass(name: str, values: Array, degrees: bool, course: bool) -> bool:
+    """Whether a heading is clockwise from north: by its name, degrees from 0 to 360, and as it passes north.
+
+    Args:
+        values: readings [n] as recorded; course: whether it is the direction of travel, which receivers count so.
+    """
+    turn = 360.0 if degrees else 2.0 * np.pi
+    seen = values[np.isfinite(values)]
+    if not len(seen):
+        return False
+    inside = float(np.min(seen)) >= 0.0 and float(np.max(seen)) <= turn
+    passes = bool(np.any(np.abs(np.diff(seen)) > WRAP * turn))
+    if course:
+        return passes or (inside and degrees)
+    named = "heading" in concepts(bracketed(name)[0])[0] and "psi" not in pieces(name)
+    return named and inside and (passes or (degrees and float(seen[0]) > RELATIVE))
+
+
+def handedness(
+    found: Mapping[str, ColumnChoice], units: Mapping[str, str], read: Mapping[str, Trace],
+    travel: Sequence[tuple[str, Trace]],
+) -> Handed:  # fmt: skip
+    """Which way the chosen columns are positive.
+
+    Args:
+        found: columns by quantity, units: theirs, read: readings in SI; travel: of `tracks`.
+    """
+    if frame := next((c.topic.frame for c in found.values() if c.topic.frame), ""):
+        return Handed(frame, {}, [])
+    rates = {name: derivative(read[name], turns=True) for name in ("psi", "course") if name in read}
+    rates |= {"r": read["r"]} if "r" in read else {}
+    ways: dict[str, int] = {}  # 1: positive to the left, -1: to the right
+    because = ""
+    for name in ("psi", "course"):
+        if name in found and (found[name].column in found[name].topic.known or is_compass(
+            own_name(found[name].topic, found[name].column), Traces({})(found[name]).values, units[name] == "deg",
+            name == "course",
+        )):  # fmt: skip
+            ways[name] = -1
+    for says, track in travel[::-1]:
+        known = {name: -way for name in ("r", "psi") if name in rates and (way := sense(rates[name], track))}
+        ways, because = ways | known, says if "r" in known else because
+    if "r" in rates and "r" not in ways:
+        words = {*pieces(found["r"].topic.name), *pieces(found["r"].column)}
+        said = {name: ways[name] * way for name in ways if (way := sense(rates["r"], rates[name]))}
+        if said:
+            name, ways["r"] = next(iter(said.items()))
+            because = f"{found[name].column}, clockwise from north,"
+        elif words & (LEFT | RIGHT):
+            ways["r"], because = (1 if words & LEFT else -1), "its name"
+    return _written(found, read, rates, ways, because)
+
+
+def _written(
+    found: Mapping[str, ColumnChoice], read: Mapping[str, Trace], rates: Mapping[str, Trace], ways: dict[str, int],
+    because: str,
+) -> Handed:  # fmt: skip
+    """The frames by which all is positive to the left."""
+    mirrored = ways.get("r") == -1
+    lines, notes = {}, []
+    for name in [name for name in rates if name != "r"]:
+        alike = sense(rates["r"], rates[name]) if "r" in rates else 0
+        way = ways.get(name) or ways.get("r", 1) * alike or (-1 if name == "course" or mirrored else 1)
+        if (way == -1) != mirrored:
+            lines[name] = "ned" if way == -1 else "iso8855"
+    if mirrored:
+        notes.append(f"{found['r'].column} is positive to the right, as {because} shows: all is read so (frame: ned).")
+        if {"x", "y"} <= set(read) and sense(rates["r"], clockwise(*velocity(read["x"], read["y"], False))) == 1:
+            lines["y"] = "iso8855"
+        if "az" in read and float(np.nanmedian(read["az"].values)) > UPRIGHT:
+            lines["az"] = "iso8855"
+    elif lines.get("psi") == "ned":
+        why = "turns against r: it" if "r" in rates else f"({found['psi'].column})"
+        notes.append(f"psi {why} is taken for a compass' heading, positive to the right (frame: ned).")
+    speed = read.get("v", read.get("vx"))
+    if "r" in ways and speed is not None:
+        across = product(rates["r"], speed)
+        against = [name for name in ("ay", "delta_cmd") if name in read and sense(read[name], across) == -1]
+        lines |= dict.fromkeys(against, "iso8855" if mirrored else "ned")
+        notes += [f"{name} turns against r: it is positive to the other side (its frame)." for name in against]
+    elif "r" in rates and "r" not in ways and found["r"].column != "r" and not found["r"].topic.name.startswith("/"):
+        notes.append(
+            "Nothing here tells whether r is positive to the left: if it is negative in a left turn, write "
+            "'frame: ned' in the first line."
+        )
+    return Handed("ned" if mirrored else "iso8855", lines, notes)

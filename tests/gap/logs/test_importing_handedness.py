@@ -1,0 +1,132 @@
+"""Recorders whose axes are positive to the right are recognised, or it is said that nothing tells."""
+
+import numpy as np
+import pandas as pd
+import pytest
+from importing_bench import rows
+
+from drift_drake.gap.logs.importing.evidence import Trace, clockwise, sense
+from drift_drake.gap.logs.importing.formats.topics import Topic
+from drift_drake.gap.logs.importing.guess import guessed_mapping
+from drift_drake.gap.logs.importing.handedness import is_compass
+from drift_drake.gap.logs.importing.importer import import_recordings
+from drift_drake.gap.logs.importing.mapping import mapping_from_dict
+
+RIGHT, LEFT = -1.0, 1.0
+
+
+def drive(side, noise=1.0):
+    """What recorders call a drive's signals, positive to one side; x is the east, y the north."""
+    d = rows(noise=noise)
+    course, metres = d["psi"] + d["beta"], 6.371e6 * np.pi / 180.0
+    known = {"t": d["t"], "speed": d["v"], "yaw_rate": side * d["r"], "ay": side * d["ay"]}
+    ways = {
+        "heading": {"heading": (90.0 - np.degrees(d["psi"])) % 360.0},
+        "course": {"course": (90.0 - np.degrees(course)) % 360.0},
+        "velocity": {"vel_n": d["v"] * np.sin(course), "vel_e": d["v"] * np.cos(course)},
+        "position": {"easting": d["x"], "northing": d["y"]},
+        "gps": {"lat": 52.0 + d["y"] / metres, "lon": d["x"] / metres / np.cos(np.radians(52.0))},
+        "held": {"lat": (52.0 + d["y"] / metres)[np.arange(len(d["t"])) // 10 * 10],
+                 "lon": (d["x"] / metres / np.cos(np.radians(52.0)))[np.arange(len(d["t"])) // 10 * 10]},
+        "yaw": {"yaw": side * d["psi"]},
+        "nothing": {},
+    }  # fmt: skip
+    return d, known | {"steer": side * d["delta_cmd"]}, ways
+
+
+def imported(tmp_path, columns, mapping):
+    pd.DataFrame(columns).to_csv(tmp_path / "a.csv", index=False)
+    return import_recordings([tmp_path / "a.csv"], mapping_from_dict(mapping))
+
+
+@pytest.mark.parametrize("side", [LEFT, RIGHT])
+@pytest.mark.parametrize("way", ["heading", "course", "velocity", "position", "gps", "held"])
+def test_axes_that_are_positive_to_the_right_are_recognised(tmp_path, way, side):
+    d, known, ways = drive(side)
+    guess = guessed_mapping([Topic("", pd.DataFrame(known | ways[way]))])
+    assert guess.mapping["frame"] == ("ned" if side == RIGHT else "iso8855")
+    assert any("is positive to the right" in note for note in guess.notes) == (side == RIGHT)
+    assert not any("Nothing here tells" in note for note in guess.notes)
+    if way in ("gps", "held"):
+        pytest.importorskip("pyproj", reason="positions are an extra: pip install 'drift_drake[gps]'")
+    (run,), _ = imported(tmp_path, known | ways[way], guess.mapping)
+    for name in ("r", "ay", "delta_cmd"):
+        assert np.corrcoef(run.column(name), np.interp(run.t, d["t"], d[name]))[0, 1] > 0.9
+
+
+@pytest.mark.parametrize("way", ["yaw", "nothing"])
+def test_where_nothing_tells_it_is_said_with_the_line_that_answers(way):
+    _, known, ways = drive(RIGHT)
+    guess = guessed_mapping([Topic("", pd.DataFrame(known | ways[way]))])
+    assert guess.mapping["frame"] == "iso8855"
+    assert any("Nothing here tells whether r is positive to the left" in note for note in guess.notes)
+    topics = [Topic("/imu", pd.DataFrame({f"/imu.{name}": values for name, values in known.items()}))]
+    assert not any("Nothing here tells" in note for note in guessed_mapping(topics).notes)  # of ROS it is known
+
+
+@pytest.mark.parametrize("side", [LEFT, RIGHT])
+def test_a_column_that_turns_against_the_yaw_rate_has_its_own_frame(side):
+    _, known, ways = drive(side)
+    steer = {"steer": -known["steer"]}
+    found = guessed_mapping([Topic("", pd.DataFrame(known | ways["gps"] | steer))])
+    assert found.mapping["signals"]["delta_cmd"]["frame"] == ("iso8855" if side == RIGHT else "ned")
+    assert any("delta_cmd turns against r" in note for note in found.notes)
+
+
+def test_the_name_of_a_yaw_rate_that_is_positive_downwards():
+    _, known, _ = drive(RIGHT)
+    known["Angular rate down (rad/s)"] = known.pop("yaw_rate")
+    assert guessed_mapping([Topic("", pd.DataFrame(known))]).mapping["frame"] == "ned"
+
+
+def test_a_heading_without_a_yaw_rate_is_turned():
+    _, known, ways = drive(LEFT)
+    del known["yaw_rate"]
+    found = guessed_mapping([Topic("", pd.DataFrame(known | ways["heading"]))]).mapping
+    assert (found["frame"], found["signals"]["psi"]["frame"]) == ("iso8855", "ned")
+
+
+def test_a_mapping_that_contradicts_the_position_or_a_compass_is_doubted(tmp_path):
+    pytest.importorskip("pyproj", reason="positions are an extra: pip install 'drift_drake[gps]'")
+    _, known, ways = drive(RIGHT)
+    mapping = guessed_mapping([Topic("", pd.DataFrame(known | ways["gps"]))]).mapping
+    (_,), report = imported(tmp_path, known | ways["gps"], mapping)
+    assert not report.remarks
+    (_,), report = imported(tmp_path, known | ways["gps"], mapping | {"frame": "iso8855"})
+    (said,) = report.remarks
+    assert "r turns against the position: r, ay, delta_cmd are mirrored" in said
+    mapping = guessed_mapping([Topic("", pd.DataFrame(known | ways["heading"]))]).mapping
+    (_,), report = imported(tmp_path, known | ways["heading"], mapping | {"frame": "iso8855"})
+    (said,) = report.remarks
+    assert "'heading' is a compass' heading" in said
+
+
+@pytest.mark.parametrize(
+    ("name", "values", "degrees", "course", "compass"),
+    [
+        ("heading", [10.0, 1.0, 359.0, 350.0], True, False, True),
+        ("True_Heading", [100.0, 120.0, 140.0], True, False, True),
+        ("heading", [0.0, 90.0, 180.0, 270.0], True, False, False),  # from where it began, to the left
+        ("heading", [3.1, -3.1], False, False, False),  # of a robot
+        ("yaw", [10.0, 1.0, 359.0], True, False, False),
+        ("psi", [10.0, 1.0, 359.0], True, False, False),
+        ("bearing", [10.0, 20.0], True, True, True),
+        ("course", [0.1, 0.2], False, True, False),  # of a path that import wrote
+        ("heading", [np.nan], True, False, False),
+    ],
+)
+def test_what_is_a_compass(name, values, degrees, course, compass):
+    assert is_compass(name, np.array(values), degrees, course) == compass
+
+
+def test_turning_clockwise_and_the_sense_of_two_rates():
+    t = 0.1 * np.arange(300)
+    north, east = Trace(t, 10.0 * np.cos(0.2 * t), None), Trace(t, 10.0 * np.sin(0.2 * t), None)
+    turning = clockwise(north, east)
+    np.testing.assert_allclose(turning.values[5:-5], 0.2, rtol=1e-3)
+    assert sense(Trace(t, 0.1 + 0.0 * t, None), turning) == 1
+    assert sense(Trace(t, -0.1 + 0.0 * t, None), turning) == -1
+    noise = np.random.default_rng(0).standard_normal(300)
+    assert sense(Trace(t, noise, None), turning) == 0
+    assert sense(Trace(t[:10], noise[:10], None), turning) == 0
+    assert sense(Trace(t + 1e4, noise, None), turning) == 0

@@ -21,8 +21,9 @@ from tqdm import tqdm
 from diagrams.command import run_command
 from drift_drake.common.run_folder import write_json
 from drift_drake.common.safe_files import write_text
-from drift_drake.gap.estimation import baseline, prediction_constants
-from drift_drake.gap.estimation.baseline import Known, Spread, Stretches
+from drift_drake.gap.estimation import baseline, prediction_constants, recordings_left_out
+from drift_drake.gap.estimation.baseline import Spread, Stretches
+from drift_drake.gap.estimation.recordings_left_out import OfBaseline
 from drift_drake.gap.evidence import constants as of_diagnosis
 from drift_drake.gap.evidence import left_out as judging
 from drift_drake.gap.evidence import left_over as leaving
@@ -33,7 +34,7 @@ from experiments.other_worlds.road import DAY_ONE, worlds_by_name
 from experiments.other_worlds.scoring import TOO, said_share, share
 from experiments.other_worlds.stretches import FACTORS, Calibrated, KeptDay, kept_world
 
-USED_IN: tuple[ModuleType, ...] = (baseline, judging, leaving, ranking)
+USED_IN: tuple[ModuleType, ...] = (baseline, recordings_left_out, judging, leaving, ranking)
 """Modules that read the constants, as names of their own."""
 MODULES: tuple[ModuleType, ...] = (prediction_constants, of_diagnosis)
 PRIORS = ("prior_none", "prior_single", "prior_unknown", "temperature")  # of `PRIORS` that single effects have
@@ -117,8 +118,8 @@ def changed(name: str, factor: float) -> Iterator[None]:
             setattr(module, first, old)
 
 
-def learnt(car: Calibrated, regular: float) -> tuple[Spread, Known, float]:
-    """How scores of the calibrated car scatter, what is known of it, and the scale, with the constants as they are now.
+def learnt(car: Calibrated, regular: float) -> tuple[Spread, OfBaseline]:
+    """How scores of the calibrated car scatter, and what its baseline shows, with the constants as they are now.
 
     Args:
         regular: times `REGULAR`, that the scores are projected with.
@@ -126,17 +127,16 @@ def learnt(car: Calibrated, regular: float) -> tuple[Spread, Known, float]:
     seen = car.baseline[regular]
     spread = baseline.spread_of(seen, car.normal.names, car.least_deviations)
     before = baseline.with_partial(baseline.left_of(car.prior, car.fitted), len(seen.information))
-    known = baseline.known_from(seen.stretches, spread, before)
-    apart = baseline.left_out(seen.stretches, spread, before)
-    return spread, known, baseline.scale_of(np.array([part.distance for part in apart]))
+    return spread, recordings_left_out.learnt_from(seen.stretches, spread, before)
 
 
-def judged(car: Calibrated, stretches: Stretches, found: tuple[Spread, Known, float]) -> ranking.DayRanked:
+def judged(car: Calibrated, stretches: Stretches, found: tuple[Spread, OfBaseline]) -> ranking.DayRanked:
     """What single effects say of a day, to first order."""
-    spread, known, scale = found
-    scatter = baseline.predicted(stretches, known, spread, scale)
+    spread, shown = found
+    models = [spread.times(factor) for factor in prediction_constants.FACTORS]
+    scatter = baseline.predicted(stretches, shown.known, models, shown.scale, int(np.argmax(shown.factors)))
     scores = stretches.scores.sum(axis=0) - scatter.mean
-    return judging.ranked_to_first_order(scores, scatter, car.normal.names, car.normal.units, car.vehicle)
+    return judging.ranked_to_first_order(scores, scatter, car.normal, shown.factors, car.vehicle)
 
 
 def counted(worlds: Sequence[World], regular: float = 1.0) -> Counts:

@@ -8,7 +8,7 @@ import pytest
 
 from drift_drake.car.effects.catalogue import REFERENCE
 from drift_drake.car.effects.magnitudes import Effects
-from drift_drake.gap.estimation import baseline, prediction_constants
+from drift_drake.gap.estimation import baseline, prediction_constants, recordings_left_out
 from drift_drake.gap.estimation.baseline import left_of
 from drift_drake.gap.estimation.learn_normal import learn_normal
 from drift_drake.gap.estimation.partial import partial_effects
@@ -80,7 +80,9 @@ def test_every_constant_is_shown_or_said_not_to_be():
 
 @pytest.mark.parametrize("name", [name for name in names_of_constants() if name != "REGULAR"])
 def test_a_constant_is_another_one_in_the_modules_that_read_it(name):
-    modules = [m for m in (baseline, left_out, left_over, ranking) if hasattr(m, name.split(".")[0])]
+    modules = [
+        m for m in (baseline, recordings_left_out, left_out, left_over, ranking) if hasattr(m, name.split(".")[0])
+    ]
     assert modules
     before = [repr(getattr(m, name.split(".")[0])) for m in modules]
     with changed(name, 2.0):
@@ -124,11 +126,12 @@ def test_what_is_learnt_is_what_a_calibration_learns():
     between, fitted = between_recordings(NAMES, vehicle) / steps, np.array([True, True, False])
     normal = learn_normal(day, NAMES, steps, prior, between, left_of(prior, fitted)).normal
     seen = {1.0: seen_of(day, normal.scales, normal.precision)}
-    spread, known, scale = learnt(calibrated(steps, vehicle, prior, between, fitted, seen), 1.0)
-    np.testing.assert_allclose(known.mean, normal.expected)
-    np.testing.assert_allclose(known.covariance, normal.left_open)
+    spread, shown = learnt(calibrated(steps, vehicle, prior, between, fitted, seen), 1.0)
+    np.testing.assert_allclose(shown.known.mean, normal.expected)
+    np.testing.assert_allclose(shown.known.covariance, normal.left_open)
     np.testing.assert_allclose(spread.covariance, normal.covariance)
-    assert scale == pytest.approx(normal.scale)
+    np.testing.assert_allclose(shown.factors, normal.factors)
+    assert shown.scale == pytest.approx(normal.scale)
 
 
 def test_a_world_is_read_once(tmp_path, monkeypatch, world, capsys):

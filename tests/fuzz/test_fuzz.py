@@ -30,6 +30,7 @@ from drift_drake.gap.estimation.filter_state import CHANNELS
 from drift_drake.gap.estimation.freeform import FORCE_CHANNELS, FUNCTIONS
 from drift_drake.gap.estimation.normal import Normal
 from drift_drake.gap.estimation.partial import DRIVING, partial_effects
+from drift_drake.gap.estimation.prediction_constants import FACTORS
 from drift_drake.gap.estimation.problem import NUISANCES
 from drift_drake.gap.estimation.windows import HORIZONS, PREDICTED
 from drift_drake.gap.identification.calibration import read_trust
@@ -94,6 +95,7 @@ CALIBRATION_BY_PREDICTION: dict[str, Any] = {
         expected=np.zeros(SCORES),
         left_open=np.eye(SCORES),
         least_deviations=np.ones(2),
+        factors=np.log(np.full(len(FACTORS), 1.0 / len(FACTORS))),
         scale=1.0,
         slipping=-3.0,
         left_out=np.ones(3),

@@ -6,11 +6,13 @@ otherwise on one stretch than on another, small for sensors and actuators, large
 of blocks of time, which hangs together within a stretch and grows with the slip of the driven tyres. So what both days
 share cancels, and what the baseline did not show widens the scatter only where the other day's drives depend on it. The
 scale of n is the car's own: recordings are left out of the baseline in turn and asked how far they lie from what the
-others predict, together with what is known of other cars.
+others predict, together with what is known of other cars. How large e is differs from car to car by more than a few
+recordings tell: a factor on it is integrated over (a scale mixture of normal distributions, Andrews and Mallows 1974).
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -18,7 +20,7 @@ import numpy as np
 from drift_drake.car.effects.catalogue import CATALOGUE
 from drift_drake.gap.estimation.normal import Normal
 from drift_drake.gap.estimation.prediction_constants import (
-    FROM_LEFT_OUT,
+    FACTORS,
     HANGS,
     HARDER,
     KIND_PRIOR,
@@ -26,12 +28,9 @@ from drift_drake.gap.estimation.prediction_constants import (
     LEFT_OF_FITTED,
     LEFT_OF_OTHERS,
     MORE_SO,
-    ODD,
     OFF_SHAPE,
     PARTIAL_PRIOR,
     PARTIAL_VARIES,
-    SCALE,
-    SCALE_WORTH,
     SHRUNK,
     SLIGHT,
     TYRES_AND_BODY,
@@ -71,6 +70,10 @@ class Spread(NamedTuple):
     blocks: int  # that show it
     stretch: np.ndarray  # variances from stretch to stretch [m]
     recording: np.ndarray  # variances from recording to recording [m]
+
+    def times(self, factor: float) -> "Spread":
+        """The same of a car whose equations lack so many times as much from stretch to stretch."""
+        return self._replace(stretch=factor**2 * self.stretch)
 
     def of_blocks(self, information: np.ndarray, blocks: float) -> np.ndarray:
         """Covariance of one stretch's scores that its blocks make [m, m]."""
@@ -141,39 +144,65 @@ class Scatter:
     """How a day's summed scores scatter if nothing has changed, and their mean."""
 
     mean: np.ndarray  # [m]
-    covariance: np.ndarray  # [m, m]
-    inverse: np.ndarray  # of the covariance [m, m]
+    covariances: np.ndarray  # at each of the factors on what equations lack from stretch to stretch [K, m, m]
     information: np.ndarray  # of the day: what a unit of each effect takes off the scores [m, m]
+    main: int = 0  # index of the factor that was the most probable before the day
+
+    @property
+    def covariance(self) -> np.ndarray:
+        """At the main factor [m, m]."""
+        return np.asarray(self.covariances[self.main])
+
+    @property
+    def inverse(self) -> np.ndarray:
+        """Of that covariance [m, m]."""
+        return np.asarray(self.inverses[self.main])
+
+    @cached_property
+    def inverses(self) -> np.ndarray:
+        """Of all covariances [K, m, m]."""
+        return np.linalg.inv(self.covariances)
+
+    @cached_property
+    def sizes(self) -> np.ndarray:
+        """Half the logarithm of each determinant less that of the main one [K]."""
+        halves = 0.5 * np.linalg.slogdet(self.covariances)[1]
+        return np.asarray(halves - halves[self.main])
+
+    def log_densities(self, scores: np.ndarray) -> np.ndarray:
+        """Of scores less their mean [..., m] at each of the factors [K, ...], but for a constant."""
+        squared = np.einsum("...i,kij,...j->k...", scores, self.inverses, scores)
+        return np.asarray(-0.5 * squared - self.sizes.reshape(-1, *[1] * (scores.ndim - 1)))
 
     def apart(self, share: float) -> "Scatter":
         """The same once each score scatters by a further share of its variance, alone."""
-        if share == 0.0:
-            return self
-        covariance = self.covariance + share * np.diag(np.diag(self.covariance))
-        return replace(self, covariance=covariance, inverse=np.linalg.inv(covariance))
+        alone = np.eye(len(self.mean)) * np.diagonal(self.covariances, axis1=1, axis2=2)[:, :, None]
+        return replace(self, covariances=self.covariances + share * alone) if share else self
 
 
-def predicted(stretches: Stretches, known: Known, model: Spread, scale: float = 1.0) -> Scatter:
+def predicted(stretches: Stretches, known: Known, models: Sequence[Spread], scale: float = 1.0,
+              main: int = 0) -> Scatter:  # fmt: skip
     """How the summed scores of stretches scatter, of a car of which something is known.
 
     Args:
+        models: at each factor; main: index of the most probable one;
         scale: of what blocks scatter by and of what is not known of the car. What equations lack from stretch to
             stretch and what varies from recording to recording is known of other cars: recordings of the same kinds of
             driving would show too little of it.
     """
     total = stretches.information.sum(axis=0)
-    covariance = scale * total @ known.covariance @ total
-    for k in np.unique(stretches.recording):
-        covariance = covariance + model.of_stretches(stretches.kept(stretches.recording == k), scale)
-    covariance = 0.5 * (covariance + covariance.T)
-    return Scatter(-total @ known.mean, covariance, np.linalg.inv(covariance), total)
+    parts = [stretches.kept(stretches.recording == k) for k in np.unique(stretches.recording)]
+    covariances = np.array([sum(model.of_stretches(part, scale) for part in parts) for model in models])
+    covariances += scale * total @ known.covariance @ total
+    return Scatter(-total @ known.mean, 0.5 * (covariances + np.swapaxes(covariances, 1, 2)), total, main)
 
 
 def scatter_of(day: Day, normal: Normal) -> Scatter:
     """How this day's scores scatter if the car is the one of its baseline."""
     stretches = stretches_of(day, normal.scales, normal.precision, normal.slipping)
     model = spread_of(normal, normal.names, normal.least_deviations, len(normal.of_kind))
-    return predicted(stretches, Known(normal.expected, normal.left_open), model, normal.scale)
+    known, models = Known(normal.expected, normal.left_open), [model.times(factor) for factor in FACTORS]
+    return predicted(stretches, known, models, normal.scale, normal.main)
 
 
 def spread_of(shown: "Seen | Normal", names: tuple[str, ...], least_deviations: np.ndarray, of_kind: int = 0) -> Spread:
@@ -208,48 +237,6 @@ def with_partial(left: np.ndarray, scores: int, of_kind: int = 0) -> np.ndarray:
     """The same of effects [n], their partial effects and deviations of the car's kind [m]."""
     partial = np.full(scores - len(left) - of_kind, PARTIAL_PRIOR)
     return np.concatenate([left, partial, np.full(of_kind, KIND_PRIOR)])
-
-
-class LeftOut(NamedTuple):
-    """A part of a baseline, and what the others tell of the car."""
-
-    stretches: Stretches
-    known: Known
-    model: Spread
-
-    def at(self, scale: float) -> Scatter:
-        """How its scores scatter, at a scale (`predicted`)."""
-        return predicted(self.stretches, self.known, self.model, scale)
-
-    @property
-    def distance(self) -> float:
-        """Squared distance of its scores from what the others predict, per score, at a scale of one."""
-        scatter = self.at(1.0)
-        x = self.stretches.scores.sum(axis=0) - scatter.mean
-        return float(x @ scatter.inverse @ x / len(x))
-
-
-def left_out(stretches: Stretches, model: Spread, prior: np.ndarray) -> list[LeftOut]:
-    """Each recording and what the others tell, to first order; stretches where there is but one recording."""
-    part = stretches.recording if len(np.unique(stretches.recording)) > 1 else np.arange(len(stretches.blocks))
-    if len(np.unique(part)) < 2:
-        return []
-    return [LeftOut(stretches.kept(part == k), known_from(stretches.kept(part != k), model, prior), model)
-            for k in np.unique(part)]  # fmt: skip
-
-
-def scale_of(distances: np.ndarray) -> float:
-    """Scale of the scatter of another recording: what recordings left out show, and what is known of other cars.
-
-    Args:
-        distances: of each that was left out (`LeftOut.distance`) [K].
-    """
-    if not len(distances):
-        return SCALE
-    seen = np.log(np.maximum(FROM_LEFT_OUT * distances, TINY))
-    middle = np.median(seen)
-    seen = np.clip(seen, middle - np.log(ODD), middle + np.log(ODD))
-    return float(np.exp((SCALE_WORTH * np.log(SCALE) + np.sum(seen)) / (SCALE_WORTH + len(seen))))
 
 
 class Seen(NamedTuple):

@@ -5,18 +5,11 @@ from typing import NamedTuple
 import numpy as np
 
 from drift_drake.car.equations import kind_of
-from drift_drake.gap.estimation.baseline import (
-    LeftOut,
-    known_from,
-    left_out,
-    scale_of,
-    seen_of,
-    spread_of,
-    with_partial,
-)
+from drift_drake.gap.estimation.baseline import seen_of, spread_of, with_partial
 from drift_drake.gap.estimation.noise_levels import log_levels
 from drift_drake.gap.estimation.normal import Normal, capped_squares
 from drift_drake.gap.estimation.prediction_constants import CALIBRATED, MODEL_FORM, REGULAR
+from drift_drake.gap.estimation.recordings_left_out import LeftOut, learnt_from
 from drift_drake.gap.estimation.robust_fit import robust_scales
 from drift_drake.gap.estimation.scores import (
     Day,
@@ -55,8 +48,8 @@ def learn_normal(
     seen = seen_of(day, scales, precision)
     total, model = seen.stretches.information.sum(axis=0), spread_of(seen, names, between, len(of_kind))
     before = with_partial(left, len(total), len(of_kind))
-    known, apart = known_from(seen.stretches, model, before), left_out(seen.stretches, model, before)
-    distances = np.array([part.distance for part in apart])
+    shown = learnt_from(seen.stretches, model, before)
+    distances = np.array([part.distance for part in shown.left_out])
     unknown, recording, pulled = parameters_left_open(day, seen.score[:, :n], total[:n, :n], prior, between, names,
                                                       steps)  # fmt: skip
     offset = np.median(day.errors, axis=0)
@@ -64,13 +57,14 @@ def learn_normal(
         names=tuple(names), of_kind=of_kind, kind_units=day.kind_units,
         stride=day.runs[0].stride, units=steps, scales=scales, precision=precision,
         standard=day.standard, slipping=seen.slipping, blocks=seen.blocks,
-        covariance=seen.covariance, information=seen.information, ratio=seen.ratio, expected=known.mean,
-        left_open=known.covariance, least_deviations=between, scale=scale_of(distances), left_out=distances,
-        left_out_none=np.ones(len(distances)), covered=drive_coverage(day.runs), unknown=unknown, recording=recording,
+        covariance=seen.covariance, information=seen.information, ratio=seen.ratio, expected=shown.known.mean,
+        left_open=shown.known.covariance, least_deviations=between, factors=shown.factors, scale=shown.scale,
+        left_out=distances, left_out_none=np.ones(len(distances)), covered=drive_coverage(day.runs),
+        unknown=unknown, recording=recording,
         offset=offset, level=capped_squares((day.errors - offset) / scales).mean(axis=0),
         noise=log_levels(day.runs, white=True),
     )  # fmt: skip
-    return Learnt(normal, pulled, apart)
+    return Learnt(normal, pulled, shown.left_out)
 
 
 def parameters_left_open(

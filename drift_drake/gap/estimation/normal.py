@@ -9,6 +9,7 @@ from drift_drake.car.effects.catalogue import CATALOGUE
 from drift_drake.common.errors import shown
 from drift_drake.common.plain_files import number
 from drift_drake.gap.estimation.partial import DRIVING, partial_effects
+from drift_drake.gap.estimation.prediction_constants import FACTORS
 from drift_drake.gap.estimation.windows import HORIZONS, PREDICTED, STRIDE
 
 WORST = 9.0  # mean squares, in robust scales, at which a window's error is capped
@@ -46,6 +47,7 @@ class Normal:
     least_deviations: (
         np.ndarray
     )  # standard deviations of the effects from recording to recording, whatever was seen, in units [n]
+    factors: np.ndarray  # log probabilities of the factors on what equations lack from stretch to stretch [K]
     scale: float  # of the scatter of another recording's scores, learnt from recordings left out
     left_out: np.ndarray  # of each recording left out, the squared distance from what the others predict, per score [K]
     left_out_none: np.ndarray  # and the probability that it has no gap [K]
@@ -55,6 +57,11 @@ class Normal:
     offset: np.ndarray  # median errors [HORIZONS, channels]
     level: np.ndarray  # mean squared errors about them, in scales and capped [HORIZONS, channels]
     noise: np.ndarray  # logarithms of the white noise of each recording's channels [K, channels] (`noise_levels`)
+
+    @property
+    def main(self) -> int:
+        """Index of the most probable factor."""
+        return int(np.argmax(self.factors))
 
     def squares(self, e: np.ndarray, cap: float = WORST) -> np.ndarray:
         """Capped squares of errors [windows, HORIZONS, channels] about the normal ones, in scales."""
@@ -103,6 +110,7 @@ def _check_normal(normal: Normal) -> None:
         "units": (n,),
         "kind_units": (len(normal.of_kind),),
         "least_deviations": (n,),
+        "factors": (len(FACTORS),),
         "standard": (2, len(DRIVING)),
         "left_out": (recordings,),
         "left_out_none": (recordings,),

@@ -3,7 +3,7 @@
 Set on the days of double-track, brush and multi-body cars of `experiments.other_worlds` and on two cars of others' open
 simulators, eleven calibrations of four runs and 82 days without an effect, by the likelihood of those days' scores
 (`python -m experiments.other_worlds.constants` prints what halving and doubling each does). What a car's own recordings
-tell (`baseline.scale_of`) replaces what such a population says.
+tell (`recordings_left_out`) replaces what such a population says.
 """
 
 REGULAR = 1e-2  # of the errors' covariance, added to its diagonal
@@ -18,6 +18,10 @@ PARTIAL_VARIES = 0.03  # [units] the same of a partial effect
 KIND_VARIES = 0.7
 """[units] the same of what a kind of car alone has (`car.deviation`): with half of it two of eight logs without an
 effect were `unknown` on a saloon of others whose differential the equations lack (sedan and mb1, validation)."""
+FACTORS = (1.0, 2.0, 4.0, 8.0)
+"""By which one car's equations lack more from stretch to stretch than these four say. Factors below one would add two
+false alarms in eight logs of a van (validation); real cars ask for up to eight."""
+FACTOR_SPREAD = 1.0  # standard deviation of their natural logarithm, from car to car
 KIND_PRIOR = 2.0  # [units] by which a calibrated car always deviates in it, before its scores
 PARTIAL_PRIOR = 0.1  # [units] by which a car always deviates in a partial effect, before its logs
 LEFT_OF_FITTED = 0.5  # of the deviation before calibration of an effect that was fitted, what may be left after it

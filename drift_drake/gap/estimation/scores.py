@@ -111,6 +111,15 @@ class Day:
         first = np.concatenate([[0], np.cumsum(count)[:-1]])
         return np.asarray(np.unique(first[self.run] + own, return_inverse=True)[1])
 
+    def kept(self, which: np.ndarray) -> "Day":
+        """The day of some of its windows; which: [windows] (bool)."""
+        starts = [run.starts[which[self.run == k]] for k, run in enumerate(self.runs)]
+        runs = [dataclasses.replace(run, starts=np.ascontiguousarray(of_run))
+                for run, of_run in zip(self.runs, starts, strict=True) if len(of_run)]  # fmt: skip
+        parts = {name: getattr(self, name)[which] for name in ("errors", "jacobian", "weights")}
+        block, run = (np.unique(index[which], return_inverse=True)[1] for index in (self.block, self.run))
+        return dataclasses.replace(self, runs=runs, block=block, run=run, **parts)
+
     def errors_with(self, effects: Mapping[str, float], horizons: int = HORIZONS) -> np.ndarray:
         """Errors [windows, horizons, channels] once effects are added to the calibrated car."""
         return errors(self.runs, self.constants, added(self.own, effects), horizons)

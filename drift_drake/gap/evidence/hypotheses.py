@@ -7,6 +7,7 @@ import numpy as np
 
 from drift_drake.car.effects.catalogue import CATALOGUE
 from drift_drake.car.equations import CarConstants, kind_of
+from drift_drake.gap.estimation.baseline import Scatter
 from drift_drake.gap.estimation.prior import Range
 from drift_drake.gap.estimation.scores import Day
 from drift_drake.gap.evidence.left_over import LeftOver
@@ -31,7 +32,8 @@ class Hypothesis:
         default_factory=dict
     )  # of the car's build, unseen by calibration
     scores: int = 0  # that judge it
-    among: float | None = None  # log evidence relative to other causes', whose shapes are not exact either
+    by_factor: np.ndarray | float = 0.0  # [K] log evidence at each of the factors, less that at the main one
+    among: np.ndarray | float | None = None  # [K] relative to other causes', whose shapes are not exact either
     left_over: LeftOver | None = None  # what it leaves over; None where it was not judged at the changed car
 
     def effects(self, day: Day, magnitudes: np.ndarray | None = None) -> dict[str, float]:
@@ -106,3 +108,14 @@ def unusual(q: np.ndarray | float, r: Range) -> np.ndarray:
     below = r.usual[0] - q if r.low < 0.0 else 0.0
     beyond = np.maximum(np.maximum(q - r.usual[1], below), 0.0) / (FADES * r.usual[1])
     return np.asarray(2.0 * np.log1p(0.5 * np.square(beyond)))
+
+
+def integrated(q: np.ndarray, scores: np.ndarray, r: Range, scatter: Scatter) -> np.ndarray:
+    """Log evidence of one effect at each of the factors [K], integrated over the magnitudes that would be a gap.
+
+    Args:
+        q: magnitudes, ascending [k]; scores: with them, less their normal mean [k, m].
+    """
+    log_density = np.where(r.allows(q), scatter.log_densities(scores) - unusual(q, r) - np.log(r.width), -np.inf)
+    top = np.max(log_density, axis=1)
+    return np.asarray(top + np.log(np.trapezoid(np.exp(log_density - top[:, None]), q, axis=1)))

@@ -17,7 +17,7 @@ from drift_drake.gap.evidence.constants import OF_NOISE, OF_PARTIAL, SIZES, WIDE
 class LeftOver(NamedTuple):
     """Left over by a hypothesis."""
 
-    gain: float  # log evidence of something else being there too, over that of nothing else
+    gain: np.ndarray | float  # [K] log evidence of something else being there too, over that of nothing else
     like: Partial  # what it is most like
 
 
@@ -28,24 +28,31 @@ def left_over(scores: np.ndarray, scatter: Scatter, names: tuple[str, ...], slop
         scores: less their normal mean [m]; scatter: of the day, at the hypothesis' car; names: of the effects whose
             scores come first; slopes: derivatives of the scores by the hypothesis' magnitudes [m, k].
     """
-    weight = scatter.inverse
+    there = partial_effects(names)
+    directions = scatter.information[:, len(names) : len(names) + len(there)]
+    anything = np.array([widened(float(scores @ weight @ scores), len(scores)) for weight in scatter.inverses])
+    by_direction = np.array([along(scores, weight, directions, slopes) for weight in scatter.inverses])
+    both = np.logaddexp(np.log(OF_PARTIAL) + log_mean(by_direction, 1), np.log(1.0 - OF_PARTIAL) + anything)
+    return LeftOver(both, there[int(np.argmax(by_direction[scatter.main]))])
+
+
+def along(scores: np.ndarray, weight: np.ndarray, directions: np.ndarray, slopes: np.ndarray) -> np.ndarray:
+    """Log evidence [p] that scores [m] hold something along each of the directions [m, p], whatever its size.
+
+    Args:
+        weight: inverse covariance of the scores [m, m]; slopes: what is free anyway [m, k].
+    """
     if slopes.shape[1]:
         bent = weight @ slopes
         weight = weight - bent @ np.linalg.pinv(slopes.T @ bent) @ bent.T
-    there = partial_effects(names)
-    anything = widened(float(scores @ scatter.inverse @ scores), len(scores))
-    directions = scatter.information[:, len(names) : len(names) + len(there)]
     bent = weight @ directions
-    size, along = np.sum(directions * bent, axis=0), scores @ bent
-    gains = np.array([
-        0.5 * along**2 * tau**2 / (1.0 + tau**2 * size) - 0.5 * np.log1p(tau**2 * size) for tau in SIZES
-    ])  # fmt: skip
-    by_direction = log_mean(gains, 0)
-    both = np.logaddexp(np.log(OF_PARTIAL) + log_mean(by_direction, 0), np.log(1.0 - OF_PARTIAL) + anything)
-    return LeftOver(float(both), there[int(np.argmax(by_direction))])
+    size, there = np.sum(directions * bent, axis=0), scores @ bent
+    return log_mean(np.array([
+        0.5 * there**2 * tau**2 / (1.0 + tau**2 * size) - 0.5 * np.log1p(tau**2 * size) for tau in SIZES
+    ]), 0)  # fmt: skip
 
 
-def with_noise(gain: float, noise: float | None) -> float:
+def with_noise(gain: np.ndarray | float, noise: float | None) -> np.ndarray | float:
     """Log evidence of something else being there too, which may have changed the noise on readings.
 
     Args:
@@ -54,7 +61,7 @@ def with_noise(gain: float, noise: float | None) -> float:
     if noise is None:
         return gain
     there = np.log(0.5 * OF_NOISE) + noise + np.logaddexp(0.0, gain)
-    return float(np.logaddexp(np.log(1.0 - OF_NOISE) + gain, there))
+    return np.asarray(np.logaddexp(np.log(1.0 - OF_NOISE) + gain, there))
 
 
 def widened(squared: float, count: int) -> float:

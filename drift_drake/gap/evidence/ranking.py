@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 from typing import Literal
 
 import numpy as np
+from scipy.special import logsumexp
 
 from drift_drake.car.effects.catalogue import CATALOGUE
 from drift_drake.gap.evidence.constants import ELSE, HALF, OPEN, SECOND, SURE_OF_NONE, THRESHOLDS
@@ -44,7 +45,7 @@ class DayRanked(Ranked[Hypothesis]):
 
 def ranked(
     hypotheses: Sequence[Hypothesis], catalogue: int, constants: PosteriorConstants, doubt: float = 0.0,
-    false_alarms: float = FALSE_ALARMS, noise: float | None = None,
+    false_alarms: float = FALSE_ALARMS, noise: float | None = None, factors: np.ndarray | float = 0.0,
 ) -> DayRanked:  # fmt: skip
     """Probabilities of hypotheses, of each with an unknown cause too, and of `unknown`.
 
@@ -53,27 +54,32 @@ def ranked(
         catalogue: number of effects that were considered;
         doubt: probability that no hypothesis can be judged at all, which is `unknown`'s;
         false_alarms: rate at which a day without an effect may be said to have a gap;
-        noise: log evidence that the noise on readings has changed; None where it is not judged.
+        noise: log evidence that the noise on readings has changed; None where it is not judged;
+        factors: log probabilities of those on what equations lack from stretch to stretch [K] (`Normal.factors`).
     """
     values: dict[str, float] = {}
     best: dict[str, Hypothesis] = {}
     among: dict[str, float] = {}
     warm = constants.temperature  # of evidence alone: what logs say nothing of keeps its prior
+
+    def mixed(evidence: np.ndarray | float) -> float:
+        return float(logsumexp(evidence / warm + factors))
+
     for h in hypotheses:
-        name, value = hypothesis_name(h.names), h.log_evidence / warm + prior(h, catalogue, constants)
+        name, before, evidence = hypothesis_name(h.names), prior(h, catalogue, constants), h.log_evidence + h.by_factor
+        value = before + mixed(evidence)
         if name not in best or value > values[name]:
             best[name], values[name] = h, value
         if h.among is not None and len(h.names) == 1:
-            among[name] = max(h.among / warm + prior(h, catalogue, constants), among.get(name, -np.inf))
+            among[name] = max(before + mixed(h.among), among.get(name, -np.inf))
         if h.names and h.left_over is not None:
-            both = value + np.log(ELSE) + with_noise(h.left_over.gain, noise) / warm
+            both = before + np.log(ELSE) + mixed(evidence + with_noise(h.left_over.gain, noise))
             values[name + TOO] = max(both, values.get(name + TOO, -np.inf))
     values |= shared_out(values, among)
     none = best[NONE]
     if none.left_over is not None:
-        values[UNKNOWN] = (none.log_evidence + with_noise(none.left_over.gain, noise)) / warm + float(
-            np.log(constants.prior_unknown)
-        )
+        evidence = none.log_evidence + none.by_factor + with_noise(none.left_over.gain, noise)
+        values[UNKNOWN] = mixed(evidence) + float(np.log(constants.prior_unknown))
     return concluded_from(values, list(best.values()), doubt, false_alarms)
 
 

@@ -72,7 +72,8 @@ class Search:
         """Nothing has changed."""
         scores = self.scores({})
         nats, rest = float(self.nats(scores)), self.left_over(scores, np.zeros((len(scores), 0)))
-        return Hypothesis((), np.zeros(0), np.zeros((0, 0)), nats, -nats, scores=len(scores), left_over=rest)
+        return Hypothesis((), np.zeros(0), np.zeros((0, 0)), nats, -nats, scores=len(scores), left_over=rest,
+                          by_factor=self.scatter.log_densities(scores) + nats)  # fmt: skip
 
     def left_over(self, scores: np.ndarray, slopes: np.ndarray) -> LeftOver:
         """What scores less their normal mean [m] leave over, of magnitudes with slopes [m, k]."""
@@ -102,8 +103,8 @@ class Search:
     def closest(self) -> list[Hypothesis]:
         """The single effects that leave the least errors, less than none, whatever their scores; after `singles`."""
         without = float(np.mean(self.normal.squares(self.day.errors)))
-        curves = [curve for curve in self.curves if curve.least_misfit(self) < without]
-        curves = sorted(curves, key=lambda curve: -curve.least_misfit(self))
+        curves = [curve for curve in self.curves if curve.least_misfit(self)[0] < without]
+        curves = sorted(curves, key=lambda curve: -curve.least_misfit(self)[0])
         best = {curve.name: curve for curve in curves}  # the last of each name
         return [curve.start(self) for curve in list(best.values())[-CLOSEST:]]
 
@@ -230,9 +231,10 @@ class Curve:
                 break
         return curve
 
-    def least_misfit(self, search: Search) -> float:
-        """The least mean squared error of the magnitudes that were tried and are a gap."""
-        return min((x for q, x in self.misfits.items() if search.ranges[self.name].allows(np.array(q))), default=np.inf)
+    def least_misfit(self, search: Search) -> tuple[float, float]:
+        """The least mean squared error of the magnitudes that were tried and are a gap, and that magnitude."""
+        there = [(x, q) for q, x in self.misfits.items() if search.ranges[self.name].allows(np.array(q))]
+        return min(there, default=(np.inf, 0.0))
 
     def start(self, search: Search) -> Hypothesis:
         """The hypothesis where the least errors are left: its most likely magnitude, if that is next to there.
@@ -240,7 +242,7 @@ class Curve:
         Scores are nearly linear around the calibrated car alone. Where an effect makes errors that are clipped, they
         may look normal far from the true magnitude, and not at it.
         """
-        q = min(self.misfits, key=self.misfits.__getitem__)
+        q = self.least_misfit(search)[1]
         i = self.magnitudes.index(q)
         low, high = self.magnitudes[max(i - 1, 0)], self.magnitudes[min(i + 1, len(self.magnitudes) - 1)]
         best = self.best(search)[0]

@@ -5,25 +5,31 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy.stats import multivariate_normal
 
 from drift_drake.car.effects.catalogue import CATALOGUE
 from drift_drake.gap.estimation import baseline
 from drift_drake.gap.estimation.baseline import (
     Known,
-    LeftOut,
     Scatter,
     Spread,
     Stretches,
     known_from,
-    left_out,
     predicted,
-    scale_of,
     scatter_of,
     slipping_of,
     spread_of,
     stretches_of,
 )
-from drift_drake.gap.estimation.prediction_constants import FROM_LEFT_OUT, MODEL_FORM, SCALE, SCALE_WORTH, SLIGHT
+from drift_drake.gap.estimation.prediction_constants import (
+    FACTORS,
+    FROM_LEFT_OUT,
+    MODEL_FORM,
+    SCALE,
+    SCALE_WORTH,
+    SLIGHT,
+)
+from drift_drake.gap.estimation.recordings_left_out import LeftOut, learnt_from, left_out, scale_of
 from drift_drake.gap.estimation.scores import block_scores, make_day, summed
 from drift_drake.gap.estimation.windows import windowed
 
@@ -85,7 +91,7 @@ def test_a_new_day_without_a_change_lies_as_far_off_as_is_said():
         deviation = 0.5 * rng.normal(size=SIZE)
         known = known_from(world(rng, 4, deviation), spread(), np.full(SIZE, 0.5))
         other = world(rng, 3, deviation)
-        scatter = predicted(other, known, spread())
+        scatter = predicted(other, known, [spread()])
         x = other.scores.sum(axis=0) - scatter.mean
         distances.append(x @ scatter.inverse @ x)
     assert np.mean(distances) == pytest.approx(SIZE, rel=0.1)
@@ -98,10 +104,10 @@ def test_what_a_baseline_did_not_show_cancels_where_both_days_drive_alike():
     blind = np.diag([10.0, 1e-3, 10.0, 10.0])
     some = Stretches(np.zeros((1, SIZE)), blind[None], np.array([float(BLOCKS)]), np.ones(1), np.zeros(1, dtype=int))
     known = known_from(some, spread(0.0), np.full(SIZE, 1.0))
-    alike = predicted(some, known, spread(0.0)).covariance[1, 1]
+    alike = predicted(some, known, [spread(0.0)]).covariance[1, 1]
     sees = some._replace(information=np.diag([10.0, 10.0, 10.0, 10.0])[None])
     assert alike == pytest.approx(1e-3, rel=0.01)  # its own noise: nothing of what is unknown
-    assert predicted(sees, known, spread(0.0)).covariance[1, 1] == pytest.approx(10.0 + 10.0**2, rel=0.01)
+    assert predicted(sees, known, [spread(0.0)]).covariance[1, 1] == pytest.approx(10.0 + 10.0**2, rel=0.01)
 
 
 def test_blocks_of_a_stretch_hang_together_and_recordings_share_what_varies():
@@ -113,7 +119,7 @@ def test_blocks_of_a_stretch_hang_together_and_recordings_share_what_varies():
     )
     apart = both._replace(recording=np.array([0, 1]))
     known = Known(np.zeros(SIZE), np.zeros((SIZE, SIZE)))
-    extra = [predicted(part, known, some).covariance[0, 0] - predicted(part, known, one).covariance[0, 0]
+    extra = [predicted(part, known, [some]).covariance[0, 0] - predicted(part, known, [one]).covariance[0, 0]
              for part in (both, apart)]  # fmt: skip
     assert extra[0] == pytest.approx(0.09 * (2 * BLOCKS) ** 2)
     assert extra[1] == pytest.approx(2 * 0.09 * BLOCKS**2)
@@ -131,6 +137,33 @@ def test_a_recording_left_out_lies_where_the_others_say_and_one_of_another_car_d
     odd = [part.distance for part in left_out(some._replace(scores=scores), spread(), prior)]
     assert int(np.argmax(odd)) == 5
     assert odd[5] > 10.0
+
+
+@pytest.mark.usefixtures("plain")
+@pytest.mark.parametrize("factor", FACTORS)
+def test_a_baseline_tells_how_much_its_equations_lack_and_other_driving_may_ask_for_more(factor):
+    own = 0.1
+    drawn = world(np.random.default_rng(5), 40, np.zeros(SIZE), form=factor * own)
+    shown = learnt_from(drawn, spread(own), np.full(SIZE, 0.5))
+    assert np.logaddexp.reduce(shown.factors) == pytest.approx(0.0)
+    assert FACTORS[int(np.argmax(shown.factors))] == factor
+    # Nothing says that a car that shows little of it lacks no more elsewhere.
+    beyond = np.array(FACTORS) >= factor
+    prior = -0.5 * np.log(FACTORS) ** 2
+    np.testing.assert_allclose(np.diff((shown.factors - prior)[beyond]), 0.0, atol=1e-9)
+
+
+def test_a_day_scatters_by_each_factor_and_is_judged_at_the_most_probable():
+    some = world(np.random.default_rng(6), 1, np.zeros(SIZE))
+    known, models = Known(np.zeros(SIZE), np.zeros((SIZE, SIZE))), [spread().times(factor) for factor in (1.0, 4.0)]
+    scatter = predicted(some, known, models, main=1)
+    lacking = [c - spread(0.0).of_stretches(some) for c in scatter.covariances]
+    np.testing.assert_allclose(lacking[1], 16.0 * lacking[0], rtol=1e-9)
+    np.testing.assert_allclose(scatter.inverse @ scatter.covariances[1], np.eye(SIZE), atol=1e-9)
+    x = np.random.default_rng(7).normal(size=(3, SIZE))
+    ratios = [multivariate_normal(np.zeros(SIZE), c).logpdf(x) for c in scatter.covariances]
+    found = scatter.log_densities(x)
+    np.testing.assert_allclose(found[0] - found[1], ratios[0] - ratios[1], rtol=1e-9)
 
 
 def test_stretches_of_a_single_recording_are_left_out_and_one_alone_cannot_be():
@@ -181,7 +214,7 @@ def test_a_longer_day_scatters_more(other_car, day):
 
 
 def test_a_share_that_scores_scatter_by_alone_is_added_to_their_variances():
-    scatter = Scatter(np.zeros(2), np.array([[1.0, 0.9], [0.9, 1.0]]), np.zeros((2, 2)), np.eye(2))
+    scatter = Scatter(np.zeros(2), np.array([[[1.0, 0.9], [0.9, 1.0]]]), np.eye(2))
     np.testing.assert_allclose(scatter.apart(0.5).covariance, [[1.5, 0.9], [0.9, 1.5]])
     np.testing.assert_allclose(np.linalg.inv(scatter.apart(0.5).inverse), [[1.5, 0.9], [0.9, 1.5]])
     assert scatter.apart(0.0) is scatter
@@ -223,7 +256,7 @@ def test_a_distance_is_per_score():
         np.full((1, SIZE), 3.0), information[None], np.full(1, float(BLOCKS)), np.ones(1), np.zeros(1, dtype=int)
     )
     known = Known(np.zeros(SIZE), np.zeros((SIZE, SIZE)))
-    covariance = predicted(one, known, spread(0.0)).covariance
+    covariance = predicted(one, known, [spread(0.0)]).covariance
     assert LeftOut(one, known, spread(0.0)).distance == pytest.approx(
         9.0 * np.sum(np.linalg.inv(covariance)) / SIZE
     )  # fmt: skip
@@ -236,11 +269,11 @@ def test_what_is_known_of_other_cars_keeps_its_size_at_any_scale():
     )
     known = Known(np.zeros(SIZE), np.zeros((SIZE, SIZE)))
     none, some = spread(0.0), spread(0.2, recording=0.3)
-    more = [predicted(one, known, some, scale).covariance - predicted(one, known, none, scale).covariance
+    more = [predicted(one, known, [some], scale).covariance - predicted(one, known, [none], scale).covariance
             for scale in (0.2, 1.0)]  # fmt: skip
     np.testing.assert_allclose(more[0], more[1], atol=1e-9)
     assert more[0][0, 0] == pytest.approx((0.2**2 + 0.3**2) * BLOCKS**2)
-    blocks = [predicted(one, known, none, scale).covariance[0, 0] for scale in (0.2, 1.0)]
+    blocks = [predicted(one, known, [none], scale).covariance[0, 0] for scale in (0.2, 1.0)]
     assert blocks[0] == pytest.approx(0.2 * blocks[1])
 
 
@@ -255,7 +288,7 @@ def test_blocks_scatter_more_where_tyres_slip_more_and_a_baseline_as_it_does_on_
         spread_of(normal, normal.names, normal.least_deviations),
     )
     model = model._replace(stretch=0.0 * model.stretch, recording=0.0 * model.recording)
-    one, other = (predicted(part, known, model).covariance for part in (some, harder))
+    one, other = (predicted(part, known, [model]).covariance for part in (some, harder))
     np.testing.assert_allclose(other, 4.0 * one, rtol=1e-9)
 
 
@@ -265,3 +298,12 @@ def test_slip_along_the_wheels_is_read_off_the_rim(other_car):
     before, after = (float(np.mean(slipping_of(SimpleNamespace(runs=[part])))) for part in (run, spinning))
     assert after - before > 1.0
     assert after == pytest.approx(np.log(0.5 + SLIGHT), abs=0.1)
+
+
+def test_a_day_of_some_windows_is_that_of_their_runs(other_car, day):
+    normal, which = other_car.normal, (day.run != 1) & (day.block % 3 != 0)
+    some = day.kept(which)
+    again = make_day(some.runs, day.constants, day.own, normal.names, normal.units, normal)
+    assert len(some.runs) == len(day.runs) - 1
+    for name in ("errors", "jacobian", "block", "run", "weights"):
+        np.testing.assert_array_equal(getattr(some, name), getattr(again, name))

@@ -19,7 +19,7 @@ from drift_drake.gap.estimation.prior import REACH, Range, at_end, clipped, fart
 from drift_drake.gap.evidence.constants import ELSE, OF_SCATTER, PRIORS, STANDS_FOR
 from drift_drake.gap.evidence.hypotheses import Hypothesis, as_change, concluded, effects_of
 from drift_drake.gap.evidence.left_over import LeftOver
-from drift_drake.gap.evidence.ranking import ranked, shared_out, threshold
+from drift_drake.gap.evidence.ranking import prior, ranked, shared_out, threshold
 
 CAR = VehicleParameters()
 NONE = Hypothesis((), np.zeros(0), np.zeros((0, 0)), 50.0, -50.0, scores=20)
@@ -224,6 +224,21 @@ def test_a_tolerance_wider_than_one_side_of_a_range_leaves_the_other():
     h = concluded(("friction_level",), np.array([-0.45]), np.array([[0.01]]), 3.0, [r], False)
     assert np.isfinite(h.log_evidence)
     assert r.width == pytest.approx(dataclasses.replace(r, low=-0.3, high=0.525).width)
+
+
+def test_a_gap_that_a_cars_own_equations_may_lack_is_no_gap_where_its_baseline_shows_as_much():
+    gap = dataclasses.replace(NONE, nats=12.0, log_evidence=-12.0, by_factor=np.array([0.0, 9.0]),
+                              left_over=LeftOver(np.array([9.0, 1.0]), None))  # fmt: skip
+    cause = dataclasses.replace(single("mass_error", 0.1, 0.01, nats=3.0), by_factor=np.array([0.0, 1.0]))
+    exact, lacking = (ranked([gap, cause], 28, PRIORS, factors=np.log([p, 1.0 - p])) for p in (0.999, 0.1))
+    assert exact.verdict != "none"
+    assert lacking.verdict == "none"
+    # By hand: the evidence is the mean of both factors', each to the power of one over the temperature.
+    value = np.log(0.1 * np.exp(-12.0 / PRIORS.temperature) + 0.9 * np.exp(-3.0 / PRIORS.temperature))
+    other = np.log(0.1 * np.exp(cause.log_evidence / PRIORS.temperature)
+                   + 0.9 * np.exp((cause.log_evidence + 1.0) / PRIORS.temperature))  # fmt: skip
+    log_odds = np.log(lacking.probabilities["none"] / lacking.probabilities["mass_error"])
+    assert log_odds == pytest.approx(value + prior(gap, 28, PRIORS) - other - prior(cause, 28, PRIORS), abs=1e-9)
 
 
 def pair(names, magnitudes, log_evidence):

@@ -7,12 +7,10 @@ import pytest
 from scipy.stats import multivariate_normal
 
 from drift_drake.car.parameters import VehicleParameters
-from drift_drake.gap.estimation.baseline import (
-    LeftOut,
-    Scatter,
-    Stretches,
-)
+from drift_drake.gap.estimation.baseline import Scatter, Stretches
 from drift_drake.gap.estimation.partial import partial_effects
+from drift_drake.gap.estimation.prediction_constants import FACTORS
+from drift_drake.gap.estimation.recordings_left_out import LeftOut
 from drift_drake.gap.evidence.constants import OF_PARTIAL, SIZES, WIDER
 from drift_drake.gap.evidence.left_out import asked_in_turn
 from drift_drake.gap.evidence.left_over import left_over, log_mean, widened
@@ -30,16 +28,16 @@ class Judged(LeftOut):
         out.scatter = scatter
         return out
 
-    def at(self, scale):
-        c = scale * self.scatter.covariance
-        return Scatter(self.scatter.mean, c, np.linalg.inv(c), self.scatter.information)
+    def at(self, scale, factors=(1.0,), main=0):
+        c = np.repeat(scale * self.scatter.covariances, len(factors), axis=0)
+        return Scatter(self.scatter.mean, c, self.scatter.information, main)
 
 
 def scatter(seed=0):
     rng = np.random.default_rng(seed)
     root, other = rng.normal(size=(2, SIZE, SIZE))
     covariance = root @ root.T + np.eye(SIZE)
-    return Scatter(np.zeros(SIZE), covariance, np.linalg.inv(covariance), other @ other.T)
+    return Scatter(np.zeros(SIZE), covariance[None], other @ other.T)
 
 
 def test_evidence_of_a_partial_effect_is_that_of_a_wider_normal_distribution():
@@ -83,7 +81,9 @@ def test_a_recording_like_the_others_has_no_gap_and_an_odd_one_has():
         for x in draws
     ]
     units = np.array([0.01, 0.05])
-    normal = SimpleNamespace(names=NAMES, units=units, left_out=np.array([part.distance for part in parts]))
+    factors = np.full(len(FACTORS), -np.log(len(FACTORS)))
+    distances = np.array([part.distance for part in parts])
+    normal = SimpleNamespace(names=NAMES, units=units, factors=factors, main=0, left_out=distances)
     asked = asked_in_turn(SimpleNamespace(left_out=parts, normal=normal), VehicleParameters())
     found = np.array([one.probabilities["none"] for one in asked])
     assert int(np.argmin(found)) == 3

@@ -44,7 +44,7 @@ def test_an_effect_starts_where_it_leaves_the_least_errors(curve):
     start = curve.start(search)
     assert start.magnitudes == pytest.approx([0.1])
     assert start.nats == pytest.approx(0.5 * (5.0 + 20.0 * 0.02) ** 2)
-    assert curve.least_misfit(search) == pytest.approx(0.02**2)
+    assert curve.least_misfit(search) == (pytest.approx(0.02**2), pytest.approx(0.1))
 
 
 def test_it_is_the_most_likely_magnitude_where_that_is_next_to_it():

@@ -12,14 +12,15 @@ from collections.abc import Sequence
 import numpy as np
 
 from drift_drake.gap.diagnosis.calibrated.posterior import tells_from_zero
+from drift_drake.gap.estimation.baseline import Scatter
 from drift_drake.gap.estimation.effort import is_slow
 from drift_drake.gap.estimation.normal import LOST, WORST, Normal
-from drift_drake.gap.estimation.prior import clipped
+from drift_drake.gap.estimation.prior import Range, clipped
 from drift_drake.gap.estimation.reduction import FOLDS, NOTHING_REMOVED, STATES, Reduction, reduction_of
 from drift_drake.gap.estimation.scores import Day, make_day
 from drift_drake.gap.estimation.unknowns import added
 from drift_drake.gap.evidence.hypotheses import Hypothesis, added_up, concluded
-from drift_drake.gap.evidence.left_over import LeftOver
+from drift_drake.gap.evidence.left_over import left_over
 from drift_drake.gap.evidence.search import Search
 from drift_drake.gap.evidence.where import onsets, region_of, regions, shares
 
@@ -43,9 +44,10 @@ class At:
     q: np.ndarray  # [k]
     nats: float  # half the squared distance of the scores from normal
     covariance: np.ndarray  # [k, k]
-    apart: tuple[float, np.ndarray]  # least nats and covariance where scores scatter by alone too (`APART`)
     step: np.ndarray  # [k] of Gauss and Newton
-    left_over: LeftOver
+    scores: np.ndarray  # [m] less their normal mean
+    slopes: np.ndarray  # [m, k] of these by the magnitudes
+    scatter: Scatter
 
 
 def changed_car(search: Search, h: Hypothesis, q: np.ndarray | None = None) -> Search:
@@ -69,13 +71,34 @@ def judged(search: Search, hypotheses: Sequence[Hypothesis]) -> list[Hypothesis]
         at = _led(search, whole, limit, 0.0)
         if at is not None:
             ranges = [search.ranges[name] for name in whole.names]
-            evidence, among = (
-                concluded(whole.names, at.q, covariance, nats, ranges, h.follows_load).log_evidence
-                for nats, covariance in ((at.nats, at.covariance), at.apart)
-            )
-            out.append(dataclasses.replace(_moved(h, at), nats=at.nats, log_evidence=evidence, among=among,
-                                           left_over=at.left_over))  # fmt: skip
-    return sorted(out, key=lambda h: -h.log_evidence)
+            evidence = concluded(whole.names, at.q, at.covariance, at.nats, ranges, h.follows_load).log_evidence
+            by_factor = evidences(at, at.scatter, whole, ranges)
+            out.append(dataclasses.replace(
+                _moved(h, at), nats=at.nats, log_evidence=evidence, by_factor=by_factor - by_factor[at.scatter.main],
+                among=evidences(at, at.scatter.apart(APART), whole, ranges),
+                left_over=left_over(at.scores, at.scatter, search.normal.names, at.slopes),
+            ))  # fmt: skip
+    least = min((h.nats for h in out), default=0.0)
+    return sorted((h if h.nats <= least + HOPELESS else at_main(h, search.scatter.main) for h in out),
+                  key=lambda h: -h.log_evidence)  # fmt: skip
+
+
+def evidences(at: At, scatter: Scatter, h: Hypothesis, ranges: Sequence[Range]) -> np.ndarray:
+    """Log evidence of a hypothesis at each of the factors [K], with the magnitudes that are most likely there."""
+    out = []
+    for weight in scatter.inverses:
+        gradient, covariance = at.slopes.T @ weight @ at.scores, np.linalg.inv(at.slopes.T @ weight @ at.slopes)
+        q = np.array([clipped(float(x), r) for x, r in zip(at.q - covariance @ gradient, ranges, strict=True)])
+        s = at.scores + at.slopes @ (q - at.q)
+        out.append(concluded(h.names, q, covariance, 0.5 * float(s @ weight @ s), ranges, h.follows_load).log_evidence)
+    return np.array(out) - scatter.sizes
+
+
+def at_main(h: Hypothesis, main: int) -> Hypothesis:
+    """A hypothesis far behind the best, which was not led to its most likely magnitudes: as at the main factor."""
+    among = None if h.among is None else float(np.asarray(h.among)[main])
+    rest = h.left_over and h.left_over._replace(gain=float(np.asarray(h.left_over.gain)[main]))
+    return dataclasses.replace(h, by_factor=0.0, among=among, left_over=rest)
 
 
 def stated(search: Search, h: Hypothesis) -> Hypothesis:
@@ -133,14 +156,7 @@ def _at(search: Search, h: Hypothesis, q: np.ndarray, apart: float) -> At | None
     if not np.all(np.isfinite(hessian)) or np.linalg.cond(hessian) > SINGULAR:
         return None
     covariance = np.linalg.inv(hessian)
-    return At(q, 0.5 * float(s @ weight @ s), covariance, least(s, slopes, there.scatter.apart(APART).inverse),
-              -covariance @ slopes.T @ weight @ s, there.left_over(s, slopes))  # fmt: skip
-
-
-def least(s: np.ndarray, slopes: np.ndarray, weight: np.ndarray) -> tuple[float, np.ndarray]:
-    """Half the least squared distance that scores s [n] get to by a step along slopes [n, k], and its covariance."""
-    gradient, covariance = slopes.T @ weight @ s, np.linalg.inv(slopes.T @ weight @ slopes)
-    return 0.5 * float(s @ weight @ s - gradient @ covariance @ gradient), covariance
+    return At(q, 0.5 * float(s @ weight @ s), covariance, -covariance @ slopes.T @ weight @ s, s, slopes, there.scatter)
 
 
 def slopes_at(

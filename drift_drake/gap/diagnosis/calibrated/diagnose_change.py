@@ -301,14 +301,14 @@ def ranked_hypotheses(
     doubt = max(1.0 - float(np.mean(search.day.weights)) / LEAST_FAMILIAR, 0.0)
     counts = len(search.ranges), constants, doubt, false_alarms
     while True:
-        found = ranked(kept, *counts, noise)
+        found = ranked(kept, *counts, noise, search.normal.factors)
         leading = stated(search, found.leading)
         shrinks = reduction(search, leading, leading)
         if not leading.names or (tells_from_zero(found.leading) and shrinks.estimate > 0.0):
             break
         kept = [h for h in kept if h is not found.leading]
     if gross(search, leading) > GROSS:
-        found = ranked(kept, *counts[:2], max(doubt, CERTAIN), false_alarms, noise)
+        found = ranked(kept, *counts[:2], max(doubt, CERTAIN), false_alarms, noise, search.normal.factors)
     return dataclasses.replace(found, leading=leading), shrinks
 
 

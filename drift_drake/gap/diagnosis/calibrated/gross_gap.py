@@ -11,7 +11,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 from scipy.optimize import minimize
-from scipy.special import expit
+from scipy.special import expit, logsumexp
 
 from drift_drake.car.effects.catalogue import LIMITS
 from drift_drake.gap.diagnosis.calibrated.changed_car import judged
@@ -19,7 +19,6 @@ from drift_drake.gap.diagnosis.calibrated.posterior import tells_from_zero
 from drift_drake.gap.estimation.prior import at_end, at_shares, clipped, farther, tried_first
 from drift_drake.gap.estimation.reduction import FOLDS, NOTHING_REMOVED, Reduction, reduction_of
 from drift_drake.gap.estimation.scores import Day
-from drift_drake.gap.estimation.windows import thinned
 from drift_drake.gap.evidence.constants import ELSE
 from drift_drake.gap.evidence.hypotheses import Hypothesis, concluded, effects_of
 from drift_drake.gap.evidence.posterior import UNKNOWN, PosteriorConstants, hypothesis_name
@@ -131,7 +130,7 @@ def with_something_else(search: Search, found: DayRanked, temperature: float) ->
     rest = at[0].left_over if at else None
     if rest is None:
         return found
-    more = float(expit(np.log(ELSE) + rest.gain / temperature))
+    more = float(expit(np.log(ELSE) + logsumexp(rest.gain / temperature + search.normal.factors)))
     if more <= 0.5:
         return found
     return dataclasses.replace(found, leading=dataclasses.replace(found.leading, left_over=rest), something_else=more)
@@ -218,11 +217,9 @@ def grown_pairs(
 
 def fewer_windows(day: Day, most: int) -> Day:
     """The day with at most so many windows, evenly chosen."""
-    runs = thinned(day.runs, most)
     every = max(int(np.ceil(len(day.errors) / most)), 1)
-    rows = np.concatenate([np.flatnonzero(day.run == k)[::every] for k in range(len(runs))])
-    parts = {name: getattr(day, name)[rows] for name in ("errors", "jacobian", "block", "run", "weights")}
-    return dataclasses.replace(day, runs=runs, **parts)
+    of_run = np.concatenate([np.arange(len(run.starts)) for run in day.runs])
+    return day.kept(of_run % every == 0)
 
 
 def held_out_reduction(search: Search, h: Hypothesis) -> Reduction:

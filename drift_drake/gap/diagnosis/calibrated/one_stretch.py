@@ -4,12 +4,10 @@ Where a wheel lifts, a car spins or a tyre bursts for a while, a few windows are
 and what acts in all of the driving is lost among them.
 """
 
-import dataclasses
-
 import numpy as np
 
 from drift_drake.gap.diagnosis.calibrated.changed_car import changed_car
-from drift_drake.gap.estimation.scores import block_scores, make_day
+from drift_drake.gap.estimation.scores import block_scores
 from drift_drake.gap.evidence.hypotheses import Hypothesis
 from drift_drake.gap.evidence.search import Search
 
@@ -32,13 +30,8 @@ def odd_blocks(search: Search, h: Hypothesis) -> np.ndarray:
 
 def without(search: Search, odd: np.ndarray) -> Search:
     """The search in the windows of the other blocks; odd: [blocks] (bool)."""
-    day, kept = search.day, ~odd[search.day.block]
-    starts = [run.starts[kept[day.run == k]] for k, run in enumerate(day.runs)]
-    runs = [dataclasses.replace(run, starts=np.ascontiguousarray(of_run))
-            for run, of_run in zip(day.runs, starts, strict=True) if len(of_run)]  # fmt: skip
-    normal = search.normal
-    rest = make_day(runs, day.constants, day.own, normal.names, normal.units, normal, search.threads)
-    return Search(rest, normal, search.vehicle, list(search.ranges), search.threads)
+    rest = search.day.kept(~odd[search.day.block])
+    return Search(rest, search.normal, search.vehicle, list(search.ranges), search.threads)
 
 
 def stretches_in_words(search: Search, odd: np.ndarray) -> str:

@@ -21,7 +21,7 @@ from drift_drake.gap.estimation.prior import RELATIVE_TO_NONE, RELATIVE_TO_RIVAL
 from drift_drake.gap.estimation.problem import NUISANCES, PROCESS_NOISE
 from drift_drake.gap.estimation.windows import PREDICTED
 from drift_drake.gap.evidence.constants import OF_SCATTER, STANDS_FOR
-from drift_drake.gap.evidence.hypotheses import Hypothesis, unusual
+from drift_drake.gap.evidence.hypotheses import Hypothesis, integrated
 from drift_drake.gap.evidence.posterior import PosteriorConstants, Ranked, hypothesis_name, log_prior
 from drift_drake.gap.evidence.search import Curve, Search
 
@@ -138,23 +138,21 @@ def not_excluded(search: Search, singles: Sequence[Hypothesis]) -> list[Hypothes
     and what it is believed to be is part of the probabilities, of `none` and of the ambiguity set.
     """
     curves = {(curve.name, curve.follows): curve for curve in search.curves}
-    return [
-        dataclasses.replace(h, log_evidence=evidence_over(curves[h.names[0], h.follows_load], search))
-        for h in singles
-        if not tells_from_zero(h)
-    ]
+    out = []
+    for h in singles:
+        if not tells_from_zero(h):
+            evidence = evidence_over(curves[h.names[0], h.follows_load], search)
+            main = float(evidence[search.scatter.main])
+            out.append(dataclasses.replace(h, log_evidence=main, by_factor=evidence - main))
+    return out
 
 
-def evidence_over(curve: Curve, search: Search) -> float:
-    """Log evidence of one effect, integrated over the magnitudes that would be a gap.
+def evidence_over(curve: Curve, search: Search) -> np.ndarray:
+    """Log evidence of one effect at each of the factors [K], integrated over the magnitudes that would be a gap.
 
     The likelihood is not a bell within bounds here, as Laplace's approximation takes it to be.
     """
-    r = search.ranges[curve.name]
-    q, s = curve.fine()
-    log_density = np.where(r.allows(q), -search.nats(s) - unusual(q, r) - np.log(r.width), -np.inf)
-    top = float(np.max(log_density))
-    return top + float(np.log(np.trapezoid(np.exp(log_density - top), q)))
+    return integrated(*curve.fine(), search.ranges[curve.name], search.scatter)
 
 
 def change_beliefs(

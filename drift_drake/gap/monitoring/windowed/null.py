@@ -17,6 +17,7 @@ from scipy.special import logsumexp
 
 from drift_drake.gap.estimation.baseline import Spread, spread_of
 from drift_drake.gap.estimation.normal import Normal
+from drift_drake.gap.estimation.prediction_constants import FACTORS
 from drift_drake.gap.estimation.scores import BLOCK
 from drift_drake.gap.estimation.windows import START_EVERY
 from drift_drake.gap.monitoring.evidence import (
@@ -56,7 +57,7 @@ def null_of(normal: Normal, cap: float, temperature: float) -> Null:
     Partial effects' scores are left out: on a few windows they only add to what scatters.
     """
     n = len(normal.names)
-    s = spread_of(normal, normal.names, normal.least_deviations, len(normal.of_kind))
+    s = spread_of(normal, normal.names, normal.least_deviations, len(normal.of_kind)).times(FACTORS[normal.main])
     of_effects = s._replace(covariance=s.covariance[:n, :n], information=s.information[:n], stretch=s.stretch[:n],
                             recording=s.recording[:n])  # fmt: skip
     open_yet = normal.scale * normal.left_open[:n, :n] + np.diag(of_effects.recording)

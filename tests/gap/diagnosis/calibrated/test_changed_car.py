@@ -4,8 +4,12 @@ import dataclasses
 
 import numpy as np
 import pytest
+from scipy.special import logsumexp
+from scipy.stats import multivariate_normal
 
-from drift_drake.gap.diagnosis.calibrated.changed_car import changed_car, judged, least, stated
+from drift_drake.gap.diagnosis.calibrated.changed_car import At, changed_car, evidences, judged, stated
+from drift_drake.gap.estimation.baseline import Scatter
+from drift_drake.gap.estimation.prior import Range
 from drift_drake.gap.evidence.hypotheses import Hypothesis
 
 SINGLE = ("steering_offset",)
@@ -62,18 +66,26 @@ def test_what_the_right_change_leaves_is_normal_and_what_a_wrong_one_leaves_is_n
     assert right.nats < 0.5 * len(late_day.search.normal.expected)  # half a chi-squared of as many scores, in the mean
     assert wrong.nats > right.nats + 10.0
     # How far behind a wrong one is shrinks where the shape of a change is not exactly known.
-    assert 0.0 < right.among - wrong.among < right.log_evidence - wrong.log_evidence
+    main = late_day.search.scatter.main
+    assert 0.0 < np.asarray(right.among)[main] - np.asarray(wrong.among)[()] < right.log_evidence - wrong.log_evidence
 
 
-def test_the_least_distance_is_that_of_the_best_step():
+def test_evidence_at_a_factor_is_that_of_the_most_likely_magnitude_there():
     rng = np.random.default_rng(0)
-    s, slopes, root = rng.normal(size=6), rng.normal(size=(6, 2)), rng.normal(size=(6, 6))
-    weight = root @ root.T + np.eye(6)
-    nats, covariance = least(s, slopes, weight)
-    at = [0.5 * x @ weight @ x for x in (s + slopes @ step for step in rng.normal(size=(200, 2)))]
-    best = s - slopes @ covariance @ slopes.T @ weight @ s
-    assert nats == pytest.approx(0.5 * best @ weight @ best)
-    assert nats <= min(at)
+    s, slopes = rng.normal(size=6), rng.normal(size=(6, 1))
+    covariances = np.array([np.eye(6), 9.0 * np.eye(6)])
+    scatter = Scatter(np.zeros(6), covariances, np.eye(6))
+    r = Range(-10.0, 10.0, 0.0, (-10.0, 10.0))
+    h, q = change("mass_error", 0.3), np.array([0.3])
+    at = At(q, 0.0, np.eye(1), np.zeros(1), s, slopes, scatter)
+    found = evidences(at, scatter, h, [r])
+    # By integration over all magnitudes, of normal distributions.
+    grid = np.linspace(-10.0, 10.0, 20001)
+    x = s + (grid[:, None] - 0.3) * slopes[:, 0]
+    expected = [
+        logsumexp(multivariate_normal(np.zeros(6), c).logpdf(x)) + np.log(grid[1] - grid[0]) for c in covariances
+    ]
+    assert found[1] - found[0] == pytest.approx(expected[1] - expected[0], abs=1e-3)
 
 
 def test_the_search_at_the_changed_car_starts_from_it(late_day):

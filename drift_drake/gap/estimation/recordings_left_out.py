@@ -20,6 +20,8 @@ from drift_drake.gap.estimation.prediction_constants import (
 )
 
 TINY = 1e-9  # squared distance, below which recordings are all the same
+SCALES = np.geomspace(0.03, 10.0, 12)  # of the scatter, at which factors are compared
+MOST = 30  # stretches that are left out then
 
 
 class LeftOut(NamedTuple):
@@ -54,10 +56,14 @@ class LeftOut(NamedTuple):
 def left_out(stretches: Stretches, model: Spread, prior: np.ndarray) -> list[LeftOut]:
     """Each recording and what the others tell, to first order; stretches where there is but one recording."""
     part = stretches.recording if len(np.unique(stretches.recording)) > 1 else np.arange(len(stretches.blocks))
-    if len(np.unique(part)) < 2:
-        return []
+    return apart(stretches, model, prior, part) if len(np.unique(part)) > 1 else []
+
+
+def apart(stretches: Stretches, model: Spread, prior: np.ndarray, part: np.ndarray, most: int = 2**31) -> list[LeftOut]:
+    """Parts of stretches, each with what all others tell; part: of each stretch [K]; most: of them, evenly chosen."""
+    parts = np.unique(part)
     return [LeftOut(stretches.kept(part == k), known_from(stretches.kept(part != k), model, prior), model)
-            for k in np.unique(part)]  # fmt: skip
+            for k in parts[:: -(-len(parts) // most)]]  # fmt: skip
 
 
 def scale_of(distances: np.ndarray) -> float:
@@ -84,19 +90,25 @@ class OfBaseline(NamedTuple):
 
 
 def learnt_from(stretches: Stretches, model: Spread, prior: np.ndarray) -> OfBaseline:
-    """What stretches show at the most probable factor; prior: standard deviations [m] of a car's deviations.
+    """What stretches show at the most probable factor; prior: standard deviations [m] of a car's deviations."""
+    factors = factors_of(stretches, model, prior)
+    main = model.times(FACTORS[int(np.argmax(factors))])
+    parts = left_out(stretches, main, prior)
+    scale = scale_of(np.array([part.distance for part in parts]))
+    return OfBaseline(known_from(stretches, main, prior), factors, scale, parts)
 
-    A factor that is smaller than the most likely one loses what it is less likely by. A larger one does not: recordings
+
+def factors_of(stretches: Stretches, model: Spread, prior: np.ndarray) -> np.ndarray:
+    """Log probabilities of the factors [K], by the likelihood of stretches left out, each at its most likely scale.
+
+    A factor that is smaller than the most likely one loses what it is less likely by. A larger one does not: stretches
     of the same kinds of driving show too little of what other driving would.
     """
-    parts = [left_out(stretches, model.times(factor), prior) for factor in FACTORS]
-    scales = [scale_of(np.array([part.distance for part in of_factor])) for of_factor in parts]
-    likely = np.array([
-        sum(part.log_density(scale) for part in of_factor) for of_factor, scale in zip(parts, scales, strict=True)
-    ])  # fmt: skip
+    each, likely = np.arange(len(stretches.blocks)), np.zeros(len(FACTORS))
+    for i, factor in enumerate(FACTORS if len(each) > 1 else ()):
+        parts = apart(stretches, model.times(factor), prior, each, MOST)
+        likely[i] = max(sum(part.log_density(scale) for part in parts) for scale in SCALES)
     best = int(np.argmax(likely))
     factors = np.where(np.arange(len(FACTORS)) < best, likely - likely[best], 0.0)
     factors = factors - 0.5 * (np.log(FACTORS) / FACTOR_SPREAD) ** 2
-    main = int(np.argmax(factors))
-    known = known_from(stretches, model.times(FACTORS[main]), prior)
-    return OfBaseline(known, factors - logsumexp(factors), scales[main], parts[main])
+    return np.asarray(factors - logsumexp(factors))

@@ -71,8 +71,8 @@ def time_series(
     against = against or ("t" if len(runs) == 1 else "s")
     figure = new_figure(7.5, 7.6)
     grid = figure.subplots(4, 2, sharex=True)
-    _draw_transitions(grid.ravel(), runs, reference, against)
-    faults = _draw_faults(grid.ravel(), runs, against)
+    drawn = _draw_transitions(grid.ravel(), runs, reference, against)
+    drawn += _draw_faults(grid.ravel(), runs, against)
     longest = max(runs.values(), key=lambda run: float(run[against].iloc[-1]))
     lock = parameters.steering_limit * DEGREES
     _bounds(grid[0, 1], -lock, lock)
@@ -93,7 +93,7 @@ def time_series(
     for axes in grid[-1]:
         axes.set_xlabel("time [s]" if against == "t" else "path position s [m]")
     legend_above(grid[0, 0], min(len(runs) + 1, LEGEND_COLUMNS))
-    _legend_of_bounds(grid[0, 1], faults)
+    _legend_of_bounds(grid[0, 1], drawn)
     return figure
 
 
@@ -109,12 +109,12 @@ def sideslip_error(run: pd.DataFrame, reference: Reference) -> Array:
     return run["beta"].to_numpy(dtype=float) - reference.state(run["s"].to_numpy(dtype=float))[:, 2]
 
 
-def _legend_of_bounds(axes: Axes, faults: list[str]) -> None:
+def _legend_of_bounds(axes: Axes, drawn: list[str]) -> None:
     """Bounds, transitions and what was wrong in the loop, above these axes."""
     axes.plot([], [], color=BOUND, linewidth=0.8, label="bound")
     axes.fill_between([], [], color=TRANSITION, label="transition")
     handles, labels = axes.get_legend_handles_labels()
-    named = ("bound", "transition", *faults)
+    named = ("bound", *drawn)
     shown = [(h, lab) for h, lab in zip(handles, labels, strict=True) if lab in named]
     axes.legend(*zip(*shown, strict=True), loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, borderaxespad=0.2)
 
@@ -146,8 +146,8 @@ def _bounds(axes: Axes, low: float, high: float) -> None:
 
 
 def _draw_transitions(grid: NDArray[np.object_], runs: Mapping[str, pd.DataFrame], reference: Reference,
-                      against: str) -> None:  # fmt: skip
-    """Grey bands where the reference is in a transition; over time, those of the first run."""
+                      against: str) -> list[str]:  # fmt: skip
+    """Grey bands where the reference is in a transition; over time, the first run's. The legend's word for them."""
     longest = max(runs.values(), key=lambda run: float(run["s"].iloc[-1]))
     run = next(iter(runs.values())) if against == "t" else longest
     inside = np.concatenate([[False], reference.transition(run["s"].to_numpy(dtype=float)), [False]])
@@ -157,6 +157,7 @@ def _draw_transitions(grid: NDArray[np.object_], runs: Mapping[str, pd.DataFrame
         for axes in grid:
             axes.axvspan(position[begin], position[min(end, len(position) - 1)], color=TRANSITION, linewidth=0.0,
                          zorder=0.5)  # fmt: skip
+    return ["transition"] if len(edges) else []
 
 
 def _draw_faults(grid: NDArray[np.object_], runs: Mapping[str, pd.DataFrame], against: str) -> list[str]:

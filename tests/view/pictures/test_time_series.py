@@ -49,6 +49,8 @@ def test_faults_and_what_follows_are_drawn_for_a_single_run(eight, perfect_run):
     )
     assert {"being stopped", "reading screened out"} <= set(words(one))
     assert words(two) == words(time_series({"driven": perfect_run}, eight, NOMINAL)) == ["bound", "transition"]
+    steady = perfect_run[~eight.transition(perfect_run["s"].to_numpy(dtype=float))].iloc[:50]
+    assert words(time_series({"driven": steady}, eight, NOMINAL)) == ["bound"]
 
 
 def test_transitions_are_shaded_where_the_reference_has_them(eight, perfect_run):

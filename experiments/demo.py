@@ -37,13 +37,13 @@ from experiments.demo_log import FOLDER, TRUTH
 from experiments.demo_page import write_page
 from experiments.drifting.runs import DriveJob, DriveResult, Learnt, Model, drive, reference
 from experiments.gathering.beliefs import SECOND_ROUND
-from experiments.made import begun
+from experiments.made import RunConfig, begun
 
 MODELS: tuple[Model, ...] = ("nominal", "prior", "once_ocp", "once_info", "twice_info", "online", "oracle")
 
 
 @dataclasses.dataclass(frozen=True)
-class DemoConfig:
+class DemoConfig(RunConfig):
     """What is shown."""
 
     vehicle: int = 15
@@ -54,8 +54,6 @@ class DemoConfig:
     """The log that is diagnosed."""
     workers: int = 2
     """Processes."""
-    out: Path | None = None
-    """Folder for the results; runs/demo-DATE-TIME without."""
     gathering: GatheringConfig = dataclasses.field(default_factory=GatheringConfig)
     control: ControlConfig = dataclasses.field(default_factory=ControlConfig)
 

@@ -9,8 +9,11 @@ from collections.abc import Iterable, Sequence
 from datetime import date
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
+import tyro
+
+from drift_drake.common.executors import ExecutorConfig
 from drift_drake.common.run_folder import machine, make_run_folder, write_json, write_versions
 from drift_drake.common.safe_files import write_text
 
@@ -20,7 +23,22 @@ DRAWN = ("population", "drives_seed", "vehicle_seed", "seed", "first", "count", 
 """Fields of a config that say which vehicles and seeds were taken."""
 
 
-def begun(name: str, config: Any) -> Path:
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class RunConfig:
+    """What every experiment with a run folder is asked."""
+
+    out: Path | None = None
+    """Folder for the results, runs/NAME-DATE-TIME without; an experiment that can be broken off goes on in its own."""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class SpreadConfig:
+    """What every experiment is asked whose jobs run in several processes."""
+
+    run_on: Annotated[ExecutorConfig, tyro.conf.arg(name="")] = dataclasses.field(default_factory=ExecutorConfig)
+
+
+def begun(name: str, config: RunConfig) -> Path:
     """The run folder `config.out`, or a new one of a name, with config.json and versions.json."""
     folder = make_run_folder(name, config.out)
     write_json(folder / "config.json", config)
@@ -43,8 +61,8 @@ def tabulated(heads: Sequence[str], rows: Iterable[Sequence[object]]) -> list[st
     return [f"| {' | '.join(map(str, cells))} |" for cells in (heads, ["---"] * len(heads), *rows)]
 
 
-def write_benchmark(folder: Path, config: Any, numbers: Any, text: str) -> None:
-    """Writes a benchmark's numbers and report into its run folder."""
+def write_results(folder: Path, config: Any, numbers: Any, text: str) -> None:
+    """`write_report`, and numbers.json."""
     write_json(folder / "numbers.json", numbers)
     write_report(folder, text, config)
 

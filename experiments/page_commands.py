@@ -26,7 +26,7 @@ from diagrams.command import run_command
 from drift_drake.common.errors import DriftDrakeError
 from drift_drake.common.run_folder import is_done, make_run_folder, write_json, write_versions
 from drift_drake.common.safe_files import write_text
-from experiments.made import tabulated
+from experiments.made import RunConfig, tabulated
 
 ROOT = Path(__file__).parents[1]
 FENCE = re.compile(r"^ *```(\w*)\n(.*?)^ *```", re.DOTALL | re.MULTILINE)
@@ -66,7 +66,7 @@ class Result(NamedTuple):
 
 
 @dataclasses.dataclass(frozen=True)
-class PageCommandsConfig:
+class PageCommandsConfig(RunConfig):
     """Which pages, for how long."""
 
     pages: tuple[str, ...] = ()
@@ -75,7 +75,6 @@ class PageCommandsConfig:
     """Regular expression that is found in each command that is run; all without."""
     seconds: float = 120.0
     """That each command is given."""
-    out: Path | None = None
 
 
 def pages() -> list[Path]:

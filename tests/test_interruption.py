@@ -74,6 +74,8 @@ def test_standard_output_that_is_closed_is_one_sentence() -> None:
     sentence = "drift-drake: standard output is closed; give it a place, such as > /dev/null\n"
     assert (closed.returncode, closed.stderr) == (BAD_INPUT, sentence)
     assert said("--help 2>&- <&-").returncode == 0
+    refused = said("nonsense 2>&-")
+    assert (refused.returncode, refused.stdout) == (BAD_INPUT, "")
     assert said("--help <&- >&- 2>&-").returncode == BAD_INPUT
 
 

@@ -159,6 +159,8 @@ def stand_in_for_closed_streams(prefix: str = "drift-drake: ") -> int | None:
     closed = [number for number in range(3) if not _is_open(number)]
     for _ in closed:
         os.open(os.devnull, os.O_RDWR)  # takes the lowest number that is free
+    if 2 in closed:
+        sys.stderr = open(2, "w")  # noqa: SIM115
     if 1 not in closed:
         return None
     os.write(2, f"{prefix}standard output is closed; give it a place, such as > /dev/null\n".encode())

@@ -30,7 +30,7 @@ from diagrams.command import run_command
 from drift_drake.car.single_track.motion import INPUTS, STATES
 from drift_drake.common.errors import InvalidOptionError
 from drift_drake.common.executors import run_jobs
-from drift_drake.common.run_folder import is_done, write_json
+from drift_drake.common.run_folder import is_done
 from drift_drake.common.safe_files import write_arrays
 from drift_drake.drive.learnt.bayesian_step import PathStep
 from drift_drake.drive.learnt.checkpoint import BayesianModel, load_model
@@ -44,7 +44,7 @@ from experiments.drifting.errors import ROLLOUT_STEPS, drifting_errors
 from experiments.drifting.report import summarise
 from experiments.drifting.runs import DriftConfig, DriveJob, Learnt, drive, opened, reference, run_drives
 from experiments.gathering.beliefs import Attempt
-from experiments.made import tabulated, write_report
+from experiments.made import tabulated, write_results
 
 Part = Literal["belief", "horizon", "path step", "delay", "iterations", "weights", "tightening"]
 Belief = Literal["nominal", "prior", "online", "twice_info", "twice_info_full", "own_drift", "own_drift_flat", "oracle"]
@@ -210,9 +210,8 @@ def main(config: AblationsConfig) -> None:
             jobs.append(DriveJob(name, labels, "figure_8", config.effects(vehicle), seed, believes, row.control))
     summary = summarise(run_drives(jobs, folder, config.run_on))
     errors = belief_errors(learnt, beliefs, folder) if "belief" in config.parts else {}
-    write_json(folder / "numbers.json", {"runs": summary, "errors_in_drifts": errors})
-    report = table(rows, summary, errors)
-    write_report(folder, report, config)
+    numbers = {"runs": summary, "errors_in_drifts": errors}
+    write_results(folder, config, numbers, table(rows, summary, errors))
 
 
 def belief_errors(

@@ -15,7 +15,6 @@ installed, which has second derivatives too.
 
 import dataclasses
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -41,7 +40,7 @@ from drift_drake.drive.mpc.sqp import LineSearchSqp, SqpOptions
 from drift_drake.drive.reference.trajectory import Reference, figure_8
 from experiments.drifting.casadi_ocp import CasadiOcp, installed, learnt_step
 from experiments.drifting.timed_parts import TimedModel, TimedQp, cpu, network_products
-from experiments.made import begun, tabulated, write_benchmark
+from experiments.made import RunConfig, begun, tabulated, write_results
 
 START, ADVANCE = 40.0, 0.127  # [m] along the reference: of the first problem, from one problem to the next
 SPREAD = np.array([0.02, 0.05, 0.01, 0.1, 0.02, 0.01])  # standard deviations of the state about the reference
@@ -51,7 +50,7 @@ PARTS = ("linearise", "qp", "line_search", "plan", "controller", "floor_gemm")
 
 
 @dataclasses.dataclass(frozen=True)
-class BenchmarkConfig:
+class BenchmarkConfig(RunConfig):
     """Size of the benchmark."""
 
     horizons: tuple[int, ...] = (10, 25, 45, 90)
@@ -68,7 +67,6 @@ class BenchmarkConfig:
     steering_weight: float = 60.0
     """As in the closed loop."""
     seed: int = 0
-    out: Path | None = None
 
 
 class Bench:
@@ -304,7 +302,7 @@ def main(config: BenchmarkConfig) -> None:
             raise InvalidOptionError(f"--{option} is {getattr(config, name)}; give 2 or more: the first is not timed")
     folder = begun("benchmark_mpc", config)
     numbers = run(config)
-    write_benchmark(folder, config, numbers, table(numbers))
+    write_results(folder, config, numbers, table(numbers))
 
 
 if __name__ == "__main__":

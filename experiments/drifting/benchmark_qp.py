@@ -13,7 +13,6 @@ of a scaled variable from our solution at a tolerance of 1e-9.
 
 import dataclasses
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -34,7 +33,7 @@ from drift_drake.drive.reference.trajectory import figure_8
 from experiments.drifting.benchmark_mpc import ADVANCE, SPREAD, START, statistics
 from experiments.drifting.casadi_ocp import installed
 from experiments.drifting.timed_parts import cpu
-from experiments.made import begun, tabulated, write_benchmark
+from experiments.made import RunConfig, begun, tabulated, write_results
 
 HPIPM_TOLERANCES = ("res_g_max", "res_b_max", "res_d_max", "res_m_max")
 PEERS: dict[str, dict[str, Any]] = {
@@ -46,7 +45,7 @@ SAME = 1e-3  # error in scaled variables up to which a peer has found the soluti
 
 
 @dataclasses.dataclass(frozen=True)
-class QpBenchmarkConfig:
+class QpBenchmarkConfig(RunConfig):
     """Size of the benchmark."""
 
     horizons: tuple[int, ...] = (10, 25, 45)
@@ -54,7 +53,6 @@ class QpBenchmarkConfig:
     peers: tuple[str, ...] = tuple(PEERS)
     """Solvers of CasADi's wheel."""
     seed: int = 0
-    out: Path | None = None
 
 
 class Recorded(NamedTuple):
@@ -272,7 +270,7 @@ def main(config: QpBenchmarkConfig) -> None:
     if config.peers and not installed():
         raise MissingExtraError("the peers' solvers", "casadi", "peers")
     numbers = run(config)
-    write_benchmark(begun("benchmark_qp", config), config, numbers, table(numbers))
+    write_results(begun("benchmark_qp", config), config, numbers, table(numbers))
 
 
 if __name__ == "__main__":

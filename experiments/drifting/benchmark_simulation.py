@@ -28,14 +28,14 @@ from drift_drake.drive.loop.runner import LogFile, make_simulator
 from drift_drake.drive.mpc.plan import Plan
 from drift_drake.drive.reference.trajectory import figure_8
 from experiments.drifting.timed_parts import cpu
-from experiments.made import begun, tabulated, write_benchmark
+from experiments.made import RunConfig, begun, tabulated, write_results
 
 DERIVATIVES = "DoCalcTimeDerivatives"
 ERROR = np.array([0.0, 0.0, 0.1, 0.0, 0.5, 0.0])  # at the start, as in `drift-drake drive`
 
 
 @dataclasses.dataclass(frozen=True)
-class BenchmarkConfig:
+class BenchmarkConfig(RunConfig):
     """Size of the benchmark."""
 
     repeats: int = 5
@@ -46,7 +46,6 @@ class BenchmarkConfig:
     """That are built one after the other, for memory."""
     minutes: float = 10.0
     """[min] of one closed loop on a circle, for memory."""
-    out: Path | None = None
 
 
 class Counted:
@@ -185,7 +184,7 @@ def main(config: BenchmarkConfig) -> None:
     """Runs, prints and stores the benchmark."""
     folder = begun("benchmark_simulation", config)
     numbers = run(config)
-    write_benchmark(folder, config, numbers, table(numbers))
+    write_results(folder, config, numbers, table(numbers))
 
 
 if __name__ == "__main__":

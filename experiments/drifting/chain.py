@@ -39,14 +39,14 @@ from drift_drake.view.pictures.overhead import overhead
 from drift_drake.view.pictures.replay import replay
 from experiments.drifting.runs import Believes, DriveJob, Learnt, Maneuver, closed_loop, reference
 from experiments.gathering.beliefs import SECOND_ROUND
-from experiments.made import tabulated, write_report
+from experiments.made import RunConfig, tabulated, write_report
 from experiments.other_worlds.true_cars import TrueCar, World, true_car, true_plant
 
 MANEUVERS: tuple[Maneuver, ...] = ("figure_8", "loops")
 
 
 @dataclasses.dataclass(frozen=True)
-class ChainConfig:
+class ChainConfig(RunConfig):
     """Which car, and how it is driven."""
 
     plant: World = "multi_body"
@@ -59,7 +59,6 @@ class ChainConfig:
     """What drives, where not what the informative drives choose."""
     gathering: GatheringConfig = dataclasses.field(default_factory=GatheringConfig)
     control: ControlConfig = dataclasses.field(default_factory=ControlConfig)
-    out: Path | None = None
 
 
 def gathered(car: TrueCar, learnt: BayesianModel, config: ChainConfig) -> list[pd.DataFrame]:

@@ -11,7 +11,7 @@ overhead.png. Broken off, it goes on where it was (give --out).
 """
 
 from diagrams.command import run_command
-from drift_drake.common.run_folder import write_json, write_results_table
+from drift_drake.common.run_folder import write_results_table
 from experiments.drifting.report import (
     choice_sentence,
     completion_table,
@@ -25,7 +25,7 @@ from experiments.drifting.report import (
     summarise,
 )
 from experiments.drifting.runs import ModelsConfig, opened, reference, run_models
-from experiments.made import write_report
+from experiments.made import write_results
 
 
 def main(config: ModelsConfig) -> None:
@@ -35,7 +35,6 @@ def main(config: ModelsConfig) -> None:
     runs = run_models(config, "figure_8", folder)
     write_results_table(folder, runs)
     summary = summarise(runs)
-    write_json(folder / "numbers.json", summary)
     report = (
         f"{completion_table(summary)}\n\n{ordering_table(runs)}{over_oracle_table(runs)}{refusal_sentence(summary)}"
         f"{choice_sentence(runs)}{plans_sentence(summary)}{picture_sentence(runs)}"
@@ -43,7 +42,7 @@ def main(config: ModelsConfig) -> None:
         "Table III, RMS sideslip error [rad], truncated before a spin\n\n"
         f"{paper_table(summary, 'rms_sideslip_error')}\n"
     )
-    write_report(folder, report, config)
+    write_results(folder, config, summary, report)
     draw(folder, runs, reference("figure_8"))
 
 

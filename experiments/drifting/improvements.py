@@ -12,16 +12,14 @@ import dataclasses
 from collections.abc import Sequence
 from itertools import pairwise
 from pathlib import Path
-from typing import Annotated, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
-import tyro
 
 from diagrams.command import run_command
 from drift_drake.common.errors import InvalidOptionError
-from drift_drake.common.executors import ExecutorConfig
-from drift_drake.common.run_folder import make_run_folder, write_json
+from drift_drake.common.run_folder import make_run_folder
 from drift_drake.common.safe_files import write_figure, write_table
 from drift_drake.drive.gathering.config import GatheringConfig
 from drift_drake.drive.learnt.adapter import DEFAULT_THRESHOLD
@@ -34,7 +32,7 @@ from experiments.benchmarks.vehicles import Population
 from experiments.drifting.report import LABELS, completion_table, differences_table, pair_of, summarise
 from experiments.drifting.runs import BELIEFS, EXTRAS, Maneuver, Model, ModelsConfig, opened, paper_control, run_models
 from experiments.gathering.recipe import Extra, as_in_paper
-from experiments.made import tabulated, write_report
+from experiments.made import RunConfig, SpreadConfig, tabulated, write_results
 from experiments.settings import keep_settings
 
 PREDICTING: tuple[Model, ...] = ("prior", "once_ocp", "once_info", "twice_info")
@@ -42,7 +40,7 @@ DRIVING: tuple[Model, ...] = (*PREDICTING, "online")
 
 
 @dataclasses.dataclass(frozen=True)
-class ImprovementsConfig:
+class ImprovementsConfig(SpreadConfig, RunConfig):
     """Which vehicles."""
 
     vehicles: int = 6
@@ -57,9 +55,6 @@ class ImprovementsConfig:
     """Checkpoints of recipes between the paper's and the shipped one: a rung each, with the shipped gathering."""
     rungs: tuple[str, ...] = ()
     """Names of the rungs to drive (a checkpoint's is that of its file); without, all."""
-    run_on: Annotated[ExecutorConfig, tyro.conf.arg(name="")] = dataclasses.field(default_factory=ExecutorConfig)
-    out: Path | None = None
-    """Folder for the results; one that holds some runs of the same experiment already is gone on with."""
 
 
 class Rung(NamedTuple):
@@ -240,9 +235,7 @@ def main(config: ImprovementsConfig) -> None:
     runs = drive_ladder(config, rungs, folder)
     write_table(runs, folder / "runs.csv", index=False)
     summary = summarise_ladder(runs)
-    write_json(folder / "numbers.json", summary)
-    report = markdown(rungs, runs, summary)
-    write_report(folder, report, config)
+    write_results(folder, config, summary, markdown(rungs, runs, summary))
     pictured = "twice_info" if "twice_info" in config.models else config.models[0]
     write_figure(picture(rungs, runs, pictured), folder / "improvements.png")
 

@@ -16,7 +16,6 @@ import numpy as np
 import pandas as pd
 
 from diagrams.command import run_command
-from drift_drake.common.run_folder import write_json
 from drift_drake.common.safe_files import write_table
 from drift_drake.drive.loop.metrics import GRID, STEADY_SIDESLIP
 from drift_drake.drive.reference.trajectory import Reference
@@ -30,7 +29,7 @@ from experiments.drifting.report import (
     summarise,
 )
 from experiments.drifting.runs import Model, ModelsConfig, opened, reference, run_models, run_name
-from experiments.made import tabulated, write_report
+from experiments.made import tabulated, write_results
 
 # A drift is established where the car is this near to the reference's, and stays so for a while.
 MAX_SIDESLIP_ERROR = 0.15  # [rad], a quarter of the drift's
@@ -114,14 +113,13 @@ def main(config: LoopsConfig) -> None:
     runs = with_initiation(run_models(config, "loops", folder), folder, course)
     write_table(runs, folder / "runs.csv", index=False)
     summary = summarise_loops(runs)
-    write_json(folder / "numbers.json", summary)
     begin, end = initiation(course)
     report = (
         f"{completion_table(summary)}\n\n{refusal_sentence(summary)}"
         f"The initiation is {end - begin:.0f} m long: no distance is less.\n\n{initiation_table(summary)}\n\n"
         f"{plans_sentence(summary)}{picture_sentence(runs, PICTURED)}"
     )
-    write_report(folder, report, config)
+    write_results(folder, config, summary, report)
     draw(folder, runs, course, PICTURED)
 
 

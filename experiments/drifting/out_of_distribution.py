@@ -19,7 +19,6 @@ from matplotlib.figure import Figure
 from diagrams.command import run_command
 from drift_drake.car.effects.magnitudes import Effects
 from drift_drake.car.parameters import VehicleParameters
-from drift_drake.common.run_folder import write_json
 from drift_drake.common.safe_files import write_figure, write_table
 from drift_drake.drive.learnt.adapter import BayesianAdapter
 from drift_drake.drive.learnt.checkpoint import BayesianModel, load_model
@@ -40,7 +39,7 @@ from drift_drake.view.style import BOUND, new_figure, styled
 from experiments.benchmarks.intervals import binomial
 from experiments.benchmarks.vehicles import Population, draw_effects
 from experiments.drifting.runs import DriftConfig, opened, reference
-from experiments.made import tabulated, write_report
+from experiments.made import tabulated, write_results
 from experiments.settings import run_kept
 
 Group = Literal["calibration", "in distribution", "wide", "friction drop"]
@@ -206,9 +205,7 @@ def main(config: DetectionConfig) -> None:
     folder = opened("out_of_distribution", config)
     results = drives(config, folder)
     summary = judge(results, config)
-    write_json(folder / "numbers.json", summary)
-    text = report(summary, config)
-    write_report(folder, text, config)
+    write_results(folder, config, summary, report(summary, config))
     write_figure(picture(results, summary, config), folder / "statistic.png")
     write_table(
         pd.DataFrame([{k: v for k, v in r.items() if k != "distances"} for r in results]),

@@ -16,10 +16,9 @@ import math
 from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
-from typing import Annotated, Any, Literal, NamedTuple, Self
+from typing import Any, Literal, NamedTuple, Self
 
 import pandas as pd
-import tyro
 
 from drift_drake.car.double_track.parameters import DoubleTrackParameters
 from drift_drake.car.effects.magnitudes import Effects
@@ -44,6 +43,7 @@ from experiments.benchmarks.vehicles import Population, draw_effects
 from experiments.gathering.beliefs import ASKED, Attempt, Taught, gather_all
 from experiments.gathering.familiar import SURPRISED, usual_surprise
 from experiments.gathering.recipe import Extra, Recipe
+from experiments.made import RunConfig, SpreadConfig
 from experiments.other_worlds.true_cars import TrueCar, World, effects_in, oracle, true_car, true_plant
 from experiments.settings import keep_settings
 
@@ -73,7 +73,7 @@ def paper_control(control: ControlConfig, gate: float, keep: Sequence[Extra]) ->
 
 
 @dataclasses.dataclass(frozen=True)
-class DriftConfig(Recipe):
+class DriftConfig(Recipe, SpreadConfig, RunConfig):
     """Which vehicles, how often, and how the controller is set up."""
 
     vehicles: int = 20
@@ -86,9 +86,6 @@ class DriftConfig(Recipe):
     path_step: PathStep = "trapezoid"  # of the learnt model in the controller; Euler's as in the paper
     gate: float = DEFAULT_THRESHOLD  # Mahalanobis distance from which on a sample does not adapt the model
     control: ControlConfig = dataclasses.field(default_factory=ControlConfig)
-    run_on: Annotated[ExecutorConfig, tyro.conf.arg(name="")] = dataclasses.field(default_factory=ExecutorConfig)
-    out: Path | None = None
-    """Folder for the results; one that holds some runs of the same experiment already is gone on with."""
 
     def resolved(self) -> Self:
         """The configuration with what `as_in_paper` stands for, in the controller too."""

@@ -24,7 +24,7 @@ from drift_drake.common.run_folder import machine
 from experiments.benchmarks.compiled_cases import make_case
 from experiments.benchmarks.drivers import MANOEUVRES
 from experiments.benchmarks.truths import Truth
-from experiments.made import begun, tabulated, write_benchmark
+from experiments.made import RunConfig, begun, tabulated, write_results
 
 EFFECT = {"aero_drag": 0.6}
 OFF = {"mass": 0.01, "torque": -0.02, "front_stiffness": 0.02}  # of the vehicle file
@@ -35,7 +35,7 @@ Words = tuple[str | Path, ...]
 
 
 @dataclasses.dataclass(frozen=True)
-class BenchmarkConfig:
+class BenchmarkConfig(RunConfig):
     """Size of the benchmark."""
 
     runs: tuple[int, ...] = (4, 24, 96, 300)
@@ -48,7 +48,6 @@ class BenchmarkConfig:
     """Threads of a diagnosis."""
     effects: tuple[str, ...] = ()
     """Effects to consider; all without any."""
-    out: Path | None = None
 
 
 @dataclasses.dataclass(frozen=True)
@@ -162,7 +161,7 @@ def main(config: BenchmarkConfig) -> None:
     """Runs, prints and stores the benchmark."""
     folder = begun("benchmark_memory", config)
     rows = run(config, folder)
-    write_benchmark(folder, config, rows, table(rows))
+    write_results(folder, config, rows, table(rows))
 
 
 if __name__ == "__main__":

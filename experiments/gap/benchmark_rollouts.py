@@ -10,7 +10,6 @@ sensors, actuator, log) is the peer.
 
 import dataclasses
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -28,7 +27,7 @@ from experiments.benchmarks.compiled_cases import make_case
 from experiments.benchmarks.truths import Truth
 from experiments.drifting.benchmark_simulation import car_alone
 from experiments.drifting.timed_parts import cpu
-from experiments.made import begun, tabulated, write_benchmark
+from experiments.made import RunConfig, begun, tabulated, write_results
 
 EFFECT = {"rear_stiffness_error": -0.1}
 AHEAD = HORIZONS * STRIDE  # [s]
@@ -36,14 +35,13 @@ STARTS = 400  # of the learnt model's predictions: those of a case's windows, ab
 
 
 @dataclasses.dataclass(frozen=True)
-class BenchmarkConfig:
+class BenchmarkConfig(RunConfig):
     """Size of the benchmark."""
 
     repeats: int = 20
     """Of each kind in turn; medians are stated, and the least and the most."""
     seed: int = 0
     """Of the case."""
-    out: Path | None = None
 
 
 @dataclasses.dataclass(frozen=True)
@@ -112,7 +110,7 @@ def main(config: BenchmarkConfig) -> None:
     """Runs, prints and stores the benchmark."""
     folder = begun("benchmark_rollouts", config)
     numbers = run(config)
-    write_benchmark(folder, config, numbers, table(numbers))
+    write_results(folder, config, numbers, table(numbers))
 
 
 if __name__ == "__main__":

@@ -29,7 +29,7 @@ from diagrams.command import run_command
 from drift_drake.car.effects.catalogue import CATALOGUE
 from drift_drake.car.log.table import write_run
 from drift_drake.car.parameters import VehicleParameters
-from drift_drake.common.executors import ExecutorConfig, run_jobs
+from drift_drake.common.executors import run_jobs
 from drift_drake.common.run_folder import is_done, write_results_table
 from drift_drake.common.safe_files import write_bytes, write_text
 from drift_drake.gap.diagnosis.answers.answer import answer_row, read_answer
@@ -40,18 +40,17 @@ from experiments.benchmarks.drake_cases import drake_case
 from experiments.benchmarks.scores import score_text, scores
 from experiments.benchmarks.truths import Truth, drawn_truth
 from experiments.gap.pictures import draw_scores
-from experiments.made import write_report
+from experiments.made import SpreadConfig, write_report
 
 TIERS = {"exact": 0.25, "tolerance": 0.3, "none": 0.15, "pair": 0.15, "family": 0.075, "removed": 0.075}
 
 
 @dataclasses.dataclass(frozen=True)
-class Make:
+class Make(SpreadConfig):
     """Make cases from Drake plants and seal their labels."""
 
     out: Path
     count: int = 40
-    run_on: Annotated[ExecutorConfig, tyro.conf.arg(name="")] = dataclasses.field(default_factory=ExecutorConfig)
     compiled: bool = False
     """The compiled plant in place of Drake's: faster, for calibration."""
     seed: int | None = None
@@ -59,11 +58,10 @@ class Make:
 
 
 @dataclasses.dataclass(frozen=True)
-class Respond:
+class Respond(SpreadConfig):
     """Diagnose the cases; the labels stay sealed."""
 
     out: Path
-    run_on: Annotated[ExecutorConfig, tyro.conf.arg(name="")] = dataclasses.field(default_factory=ExecutorConfig)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -76,12 +74,11 @@ class Score:
 
 
 @dataclasses.dataclass(frozen=True)
-class Calibrate:
+class Calibrate(SpreadConfig):
     """Fit the posterior's constants on cases of their own (made and answered if they are not there yet)."""
 
     out: Path
     count: int = 60
-    run_on: Annotated[ExecutorConfig, tyro.conf.arg(name="")] = dataclasses.field(default_factory=ExecutorConfig)
     seed: int = 20_000
 
 
@@ -230,8 +227,8 @@ def calibrate(command: Calibrate) -> None:
     from experiments.gap.calibration import fitted_constants, write_constants
 
     if not (command.out / "manifest.json").exists():
-        make(Make(command.out, command.count, command.run_on, compiled=True, seed=command.seed))
-    answer(Respond(command.out, command.run_on))
+        make(Make(command.out, command.count, compiled=True, seed=command.seed, run_on=command.run_on))
+    answer(Respond(command.out, run_on=command.run_on))
     records = []
     for label in opened(command.out):
         records.append((label, json.loads((command.out / "evidence" / f"{label['case']}.json").read_text())))

@@ -12,7 +12,6 @@ as they come, right or wrong. Broken off, the experiment goes on where it was (g
 import dataclasses
 from collections.abc import Sequence
 from functools import cache, partial
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -25,7 +24,6 @@ from diagrams.command import run_command
 from drift_drake.car.effects.magnitudes import Effects
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.car.step_model import NominalStepModel
-from drift_drake.common.run_folder import write_json
 from drift_drake.drive.loop.closed_loop import ClosedLoop
 from drift_drake.drive.reference.trajectory import figure_8
 from drift_drake.gap.diagnosis.answers.apply import corrected_vehicle
@@ -35,7 +33,7 @@ from drift_drake.view.style import new_figure, save, styled
 from experiments.benchmarks.drake_cases import drake_case
 from experiments.benchmarks.intervals import bootstrap
 from experiments.benchmarks.truths import Truth, drawn_truth, true_car
-from experiments.made import begun, tabulated, write_report
+from experiments.made import RunConfig, begun, tabulated, write_results
 from experiments.settings import kept
 
 PREDICTORS = ("nominal", "corrected", "real again")
@@ -44,7 +42,7 @@ REAL_SEED, AGAIN_SEED, SIMULATOR_SEED = 0, 1, 2  # of the sensors' noise in the 
 
 
 @dataclasses.dataclass(frozen=True)
-class CorrectedLoopConfig:
+class CorrectedLoopConfig(RunConfig):
     """How many vehicles."""
 
     vehicles: int = 24
@@ -52,7 +50,6 @@ class CorrectedLoopConfig:
     """Every so many vehicles has a pair of effects, the others a single one."""
     seed: int = 71_000
     """Of the vehicles' draws."""
-    out: Path | None = None
 
 
 def real_car(truth: Truth, vehicle: VehicleParameters) -> tuple[VehicleParameters, Effects]:
@@ -183,9 +180,8 @@ def main(config: CorrectedLoopConfig) -> None:
     results = [kept(folder / f"vehicle-{index:03d}.json", partial(one_vehicle, index, config))
                for index in tqdm(range(config.vehicles), unit="vehicle")]  # fmt: skip
     summary = summarise(results)
-    write_json(folder / "numbers.json", summary)
     save(picture(results), folder / "corrected_loop.png")
-    write_report(folder, table(summary), config)
+    write_results(folder, config, summary, table(summary))
 
 
 if __name__ == "__main__":

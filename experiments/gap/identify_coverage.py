@@ -24,7 +24,7 @@ from experiments.benchmarks.compiled_cases import make_case
 from experiments.benchmarks.drake_cases import drake_case
 from experiments.benchmarks.intervals import binomial, bootstrap
 from experiments.benchmarks.truths import Truth, true_constants
-from experiments.made import begun, write_report
+from experiments.made import RunConfig, begun, write_report
 from experiments.settings import each_vehicle
 
 DEVIATIONS = {  # one standard deviation of the truth from the default file, relative or in the parameter's unit
@@ -50,11 +50,9 @@ CUT = 2.0  # standard deviations at which draws are cut
 
 
 @dataclasses.dataclass(frozen=True)
-class Config:
+class Config(RunConfig):
     """Intervals of identifications against the truth."""
 
-    out: Path | None = None
-    """Run folder; one that exists is gone on with."""
     vehicles: int = 48
     duration: float = 12.0
     """Of each of the four drives [s]."""

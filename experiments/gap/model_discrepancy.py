@@ -10,7 +10,6 @@ does. A car that is done is kept: start again to go on.
 
 import dataclasses
 import time
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -28,7 +27,7 @@ from drift_drake.gap.identification.identify import identify
 from experiments.benchmarks.compiled_cases import make_case
 from experiments.benchmarks.intervals import binomial
 from experiments.benchmarks.truths import Truth, drawn_deviations, drawn_magnitude
-from experiments.made import begun, tabulated, write_report
+from experiments.made import RunConfig, begun, tabulated, write_report
 from experiments.settings import Results, each_vehicle
 
 DISCREPANCIES = {  # the least and the largest magnitude; a sign is drawn for the compliance steer and the brake
@@ -43,11 +42,9 @@ SIGNED = ("rear_compliance_steer", "grabbing_brake")
 
 
 @dataclasses.dataclass(frozen=True)
-class Config:
+class Config(RunConfig):
     """Gaps of the second day in addition to the discrepancy."""
 
-    out: Path | None = None
-    """Run folder; one that exists is gone on with."""
     vehicles: int = 12
     duration: float = 12.0
     """Of each of a day's four drives [s]."""

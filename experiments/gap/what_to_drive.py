@@ -13,7 +13,6 @@ Broken off, the experiment goes on where it was (give --out).
 import dataclasses
 from collections.abc import Sequence
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -24,7 +23,6 @@ from diagrams.command import run_command
 from drift_drake.car.log.table import Run
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.car.step_model import NominalStepModel
-from drift_drake.common.run_folder import write_json
 from drift_drake.drive.mpc.plan import DT
 from drift_drake.drive.mpc.tracking import tracking_gains
 from drift_drake.gap.diagnosis.answers.answer import UnplannableError
@@ -37,7 +35,7 @@ from drift_drake.view.style import new_figure, save, styled
 from experiments.benchmarks.drake_cases import drive
 from experiments.benchmarks.drivers import PERIOD, STEERING_RATE, TORQUE_RATE, slewed
 from experiments.benchmarks.truths import drawn_truth
-from experiments.made import begun, tabulated, write_report
+from experiments.made import RunConfig, begun, tabulated, write_results
 from experiments.settings import kept
 
 SETTLED = 0.9  # probability of the truth from which on a first log leaves nothing open
@@ -47,7 +45,7 @@ DRIVES = ("first log", "straight", "slalom", "planned")
 
 
 @dataclasses.dataclass(frozen=True)
-class WhatToDriveConfig:
+class WhatToDriveConfig(RunConfig):
     """How many cases."""
 
     ambiguous: int = 14
@@ -55,7 +53,6 @@ class WhatToDriveConfig:
     most: int = 60
     """Cases that are tried at most."""
     seed: int = 83_000
-    out: Path | None = None
 
 
 class PlanDriver:
@@ -218,9 +215,8 @@ def main(config: WhatToDriveConfig) -> None:
             cases.append(kept(folder / f"case-{index:03d}.json", partial(one_case, index, config)))
             bar.update(int(cases[-1]["ambiguous"]))
     summary = summarise(cases)
-    write_json(folder / "numbers.json", summary)
     save(picture(cases), folder / "what_to_drive.png")
-    write_report(folder, table(summary), config)
+    write_results(folder, config, summary, table(summary))
 
 
 if __name__ == "__main__":

@@ -11,15 +11,13 @@ Written: a file each weight and vehicle, numbers.json, report.md. Broken off, it
 import dataclasses
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import numpy as np
-import tyro
 
 from diagrams.command import run_command
 from drift_drake.car.parameters import VehicleParameters
-from drift_drake.common.executors import ExecutorConfig
-from drift_drake.common.run_folder import make_run_folder, write_json
+from drift_drake.common.run_folder import make_run_folder
 from drift_drake.drive.gathering.config import GatheringConfig
 from drift_drake.drive.gathering.gather import taught
 from drift_drake.drive.gathering.plan import InfeasiblePlanError, Trajectory, plan_again, plan_drive
@@ -27,14 +25,14 @@ from drift_drake.drive.learnt.checkpoint import BayesianModel, load_model, paper
 from drift_drake.drive.learnt.posterior import covariance_norms
 from experiments.benchmarks.vehicles import Population, draw_effects
 from experiments.gathering.recipe import as_in_paper
-from experiments.made import tabulated, write_report
+from experiments.made import RunConfig, SpreadConfig, tabulated, write_results
 from experiments.settings import keep_settings, run_kept
 
 AS_MUCH = 0.98  # of the most information, from which on a weight tells as much
 
 
 @dataclasses.dataclass(frozen=True)
-class AlphaConfig:
+class AlphaConfig(SpreadConfig, RunConfig):
     """Which weights, on which vehicles."""
 
     alphas: tuple[float, ...] = (1.0, 2.0, 3.0, 4.0)
@@ -47,8 +45,6 @@ class AlphaConfig:
     """Of the draw of the vehicles."""
     seeds: int = 10
     """Draws of the first plan's guesses, to see how often it converges."""
-    run_on: Annotated[ExecutorConfig, tyro.conf.arg(name="")] = dataclasses.field(default_factory=ExecutorConfig)
-    out: Path | None = None
 
 
 Job = tuple[AlphaConfig, float, int]  # of a weight and a vehicle; of the first plans where that is negative
@@ -149,8 +145,7 @@ def main(config: AlphaConfig) -> None:
 
     found = run_kept(config.run_on, found_of, jobs, file, "drive", 20)
     summary = summarise(config, {job[1:]: entry for job, entry in zip(jobs, found, strict=True)})
-    write_json(folder / "numbers.json", summary)
-    write_report(folder, report(summary), config)
+    write_results(folder, config, summary, report(summary))
 
 
 if __name__ == "__main__":

@@ -11,7 +11,6 @@ import dataclasses
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from pathlib import Path
 from typing import Any
 from unittest import mock
 
@@ -26,20 +25,19 @@ from drift_drake.drive.gathering.plan import Trajectory, plan_again, plan_drive
 from drift_drake.drive.learnt.checkpoint import load_model
 from drift_drake.drive.mpc.sqp import LineSearchSqp
 from experiments.benchmarks.vehicles import draw_effects
-from experiments.made import begun, tabulated, write_benchmark
+from experiments.made import RunConfig, begun, tabulated, write_results
 
 PLANS = ("OCP", "Info-OCP, first", "Info-OCP, later", "Info-OCP, replanned")
 REPLAN = 0.5  # [s] from one plan to the next
 
 
 @dataclasses.dataclass(frozen=True)
-class BenchmarkConfig:
+class BenchmarkConfig(RunConfig):
     """Size of the benchmark."""
 
     vehicles: int = 10
     """Of the validation population."""
     vehicle_seed: int = 0
-    out: Path | None = None
 
 
 @contextmanager
@@ -121,7 +119,7 @@ def main(config: BenchmarkConfig) -> None:
     vehicle(0, config, dataclasses.replace(gathering, steps=12, v_end=9.0, starts=1))  # compiles
     vehicles = [vehicle(index, config, gathering) for index in range(config.vehicles)]
     numbers = {"machine": machine(), "vehicles": vehicles}
-    write_benchmark(folder, config, numbers, table(numbers))
+    write_results(folder, config, numbers, table(numbers))
 
 
 if __name__ == "__main__":

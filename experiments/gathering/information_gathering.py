@@ -16,18 +16,16 @@ import os
 import time
 from contextlib import suppress
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import numpy as np
 import pandas as pd
-import tyro
 
 from diagrams.command import run_command
 from drift_drake.car.effects.magnitudes import Effects
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.common.errors import DriftDrakeError
-from drift_drake.common.executors import ExecutorConfig, run_jobs
-from drift_drake.common.run_folder import write_json
+from drift_drake.common.executors import run_jobs
 from drift_drake.common.safe_files import write_arrays, write_table
 from drift_drake.drive.gathering.config import GatheringConfig
 from drift_drake.drive.gathering.gather import taught
@@ -43,7 +41,7 @@ from experiments.drifting.errors import drifting_errors, judged_by_halves
 from experiments.gathering.pictures import draw_all
 from experiments.gathering.recipe import Recipe
 from experiments.gathering.summary import markdown, summarise, summarise_halves
-from experiments.made import begun, write_report
+from experiments.made import RunConfig, SpreadConfig, begun, write_results
 from experiments.settings import kept
 
 # The baselines: of the sizes tried on validation vehicles, those that gathered most without leaving the lane.
@@ -52,8 +50,8 @@ SLALOM_AMPLITUDE, SLALOM_PERIOD = 1.5, 1.5  # [m], [s]
 
 
 @dataclasses.dataclass(frozen=True)
-class InformationConfig(Recipe):
-    """Which vehicles, how many rounds."""
+class InformationConfig(Recipe, SpreadConfig, RunConfig):
+    """Which vehicles, how many rounds; a cluster's machines must share the output folder."""
 
     drives: Path = Path("runs/drives")  # made by `experiments.model.drives`: what the models are judged by
     population: Population = "held_out"
@@ -63,9 +61,6 @@ class InformationConfig(Recipe):
     stop_below: float = 0.1  # a round's predicted gain over all gained so far, under which another is not worth it
     drives_seed: int = 0  # that the drives were made with
     seed: int = 0
-    run_on: Annotated[ExecutorConfig, tyro.conf.arg(name="")] = dataclasses.field(default_factory=ExecutorConfig)
-    """A cluster's machines must share the output folder."""
-    out: Path | None = None  # folder for the results; runs/information_gathering-DATE-TIME without
 
 
 class MissingDrivesError(DriftDrakeError, ValueError):
@@ -237,8 +232,7 @@ def main(config: InformationConfig) -> None:
     summary = summarise(results, config.stop_below)
     summary["halves"] = summarise_halves([result["halves"] for result in results])
     summary["plan_seconds"] = shared.seconds | {"load average": shared.load_average}
-    write_json(folder / "numbers.json", summary)
-    write_report(folder, markdown(summary), config)
+    write_results(folder, config, summary, markdown(summary))
     model = load_model(config.checkpoint)
     draw_all(folder, results, model, config.population, config.drives_seed, config.gathering)
 

@@ -14,14 +14,12 @@ rounds after the first are planned by the checkpoint that the rounds before have
 import dataclasses
 import json
 from pathlib import Path
-from typing import Annotated
 
 import numpy as np
-import tyro
 
 from diagrams.command import run_command
 from drift_drake.car.parameters import VehicleParameters
-from drift_drake.common.executors import ExecutorConfig, results_of
+from drift_drake.common.executors import results_of
 from drift_drake.common.run_folder import is_done
 from drift_drake.common.safe_files import write_text
 from drift_drake.drive.gathering.config import GatheringConfig
@@ -35,6 +33,7 @@ from drift_drake.drive.learnt.training_config import LANE_ROUND
 from drift_drake.drive.mpc.plan import DT
 from experiments.benchmarks.drifters import wander
 from experiments.benchmarks.vehicles import POPULATIONS, Population, draw_effects
+from experiments.made import SpreadConfig
 from experiments.model.drives import all_phases, join_vehicles
 
 # A vehicle's drives: information gathering's first plan, a plan out of the pool of all vehicles, such a plan with its
@@ -47,8 +46,8 @@ ITERATIONS = 40  # of the SQP: what is worth training on need not be a plan to t
 
 
 @dataclasses.dataclass(frozen=True)
-class LaneDrivesConfig:
-    """What to drive."""
+class LaneDrivesConfig(SpreadConfig):
+    """What to drive; a cluster's machines must share the output folder."""
 
     seed: int = 0
     round: int = 0  # of planning and training; the tables hold all rounds up to this one
@@ -56,8 +55,6 @@ class LaneDrivesConfig:
     train: int = 360  # vehicles, up to this one
     validation: int = 20
     checkpoint: Path | None = None  # whose information the plans seek; the shipped one without
-    run_on: Annotated[ExecutorConfig, tyro.conf.arg(name="")] = dataclasses.field(default_factory=ExecutorConfig)
-    """A cluster's machines must share the output folder."""
     output: Path = Path("runs/drives")
 
 

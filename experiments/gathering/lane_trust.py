@@ -13,17 +13,15 @@ what is usual is added to a file, as the package's data/lane_trust.json holds it
 import dataclasses
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
-import tyro
 from matplotlib.figure import Figure
 
 from diagrams.command import run_command
 from drift_drake.car.effects.magnitudes import Effects
 from drift_drake.common.arrays import Array
-from drift_drake.common.executors import ExecutorConfig
-from drift_drake.common.run_folder import make_run_folder, write_json
+from drift_drake.common.run_folder import make_run_folder
 from drift_drake.common.safe_files import write_figure
 from drift_drake.drive.learnt.checkpoint import BayesianModel, load_model
 from drift_drake.gap.choose.choice import REFUSED, Choice, Familiar, Findings
@@ -33,7 +31,7 @@ from experiments.benchmarks.vehicles import EXTREME, Population, draw_effects
 from experiments.gathering.beliefs import gather_all
 from experiments.gathering.familiar import SURPRISED, familiar_from, keep_usual
 from experiments.gathering.recipe import Recipe
-from experiments.made import tabulated, write_report
+from experiments.made import RunConfig, SpreadConfig, tabulated, write_results
 from experiments.other_worlds.true_cars import World, effects_in, true_car
 from experiments.settings import keep_settings
 
@@ -48,7 +46,7 @@ GROUPS: dict[str, tuple[Population, World]] = {
 
 
 @dataclasses.dataclass(frozen=True)
-class LaneTrust(Recipe):
+class LaneTrust(Recipe, SpreadConfig, RunConfig):
     """Which model, how many vehicles."""
 
     vehicles: int = 40
@@ -59,9 +57,6 @@ class LaneTrust(Recipe):
     """Of the draw of the vehicles."""
     add_to: Path | None = None
     """File that what is usual is added to."""
-    run_on: Annotated[ExecutorConfig, tyro.conf.arg(name="")] = dataclasses.field(default_factory=ExecutorConfig)
-    out: Path | None = None
-    """Folder for the results; one that holds some drives of the same experiment already is gone on with."""
 
 
 class Found(NamedTuple):
@@ -165,8 +160,7 @@ def main(config: LaneTrust) -> None:
         "identified": error._asdict() | {"limit": error.limit()},
         "found": {name: f._asdict() for name, f in found.items()},
     }
-    write_json(folder / "numbers.json", numbers)
-    write_report(folder, report(found, surprise, error), config)
+    write_results(folder, config, numbers, report(found, surprise, error))
     write_figure(draw(found, surprise, error), folder / "lane_trust.png")
     if config.add_to is not None:
         keep_usual(learnt, error, surprise, config.add_to)

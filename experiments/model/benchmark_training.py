@@ -16,11 +16,11 @@ from diagrams.command import run_command
 from drift_drake.common.run_folder import machine
 from drift_drake.drive.learnt.meta_training import train
 from drift_drake.drive.learnt.training_config import TrainingConfig
-from experiments.made import begun, tabulated, write_benchmark
+from experiments.made import RunConfig, begun, tabulated, write_results
 
 
 @dataclasses.dataclass(frozen=True)
-class BenchmarkConfig:
+class BenchmarkConfig(RunConfig):
     """What is trained, and how far."""
 
     drives: Path = Path("runs/drives")
@@ -34,7 +34,6 @@ class BenchmarkConfig:
     devices: tuple[str, ...] = ("cpu", "cuda")
     """Those that are here are timed."""
     seed: int = 0
-    out: Path | None = None
 
 
 def timed(config: BenchmarkConfig, device: str, folder: Path) -> dict[str, Any]:
@@ -83,7 +82,7 @@ def main(config: BenchmarkConfig) -> None:
     }
     if {"cpu", "cuda"} <= set(found):
         numbers["ratio"] = found["cpu"]["seconds an epoch"] / found["cuda"]["seconds an epoch"]
-    write_benchmark(folder, config, numbers, table(numbers))
+    write_results(folder, config, numbers, table(numbers))
 
 
 if __name__ == "__main__":

@@ -19,18 +19,16 @@ import time
 from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Any
-
-import tyro
+from typing import Any
 
 from diagrams.command import run_command
 from drift_drake.cli.train import Train, run_train
 from drift_drake.common.errors import DriftDrakeError
-from drift_drake.common.executors import ExecutorConfig
 from drift_drake.common.run_folder import is_done, write_json, write_versions
 from drift_drake.drive.learnt.checkpoint import load_model
 from drift_drake.drive.learnt.training_config import Recipe, TrainingConfig
 from experiments.gathering import lane_drives
+from experiments.made import SpreadConfig
 from experiments.model import drives, quality
 
 POINTS = "100"  # that the models that are compared have adapted to
@@ -39,8 +37,11 @@ UNLIMITED = 1e9  # [s] a limit of time would make the model depend on the machin
 
 
 @dataclasses.dataclass(frozen=True)
-class BuildConfig:
-    """How large a model is made."""
+class BuildConfig(SpreadConfig):
+    """How large a model is made.
+
+    A cluster's machines must share the output folder; torch takes as many threads as there are workers.
+    """
 
     output: Path = Path("runs/model")
     """Run folder; one that holds some stages of the same build is gone on with."""
@@ -56,8 +57,6 @@ class BuildConfig:
     plain_epochs: int = 300
     first_epochs: int = 1200
     later_epochs: int = 420
-    run_on: Annotated[ExecutorConfig, tyro.conf.arg(name="")] = dataclasses.field(default_factory=ExecutorConfig)
-    """A cluster's machines must share the output folder; torch takes as many threads as there are workers."""
 
 
 class OtherBuildError(DriftDrakeError, ValueError):

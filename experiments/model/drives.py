@@ -12,11 +12,10 @@ without the first sample of each drive. Broken off, it goes on with the vehicle 
 import dataclasses
 import json
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import numpy as np
 import pandas as pd
-import tyro
 from pydrake.systems.primitives import ConstantVectorSource
 
 from diagrams.command import run_command
@@ -26,7 +25,7 @@ from drift_drake.car.parameters import VehicleParameters
 from drift_drake.car.single_track.motion_with_effects import changed_constants
 from drift_drake.car.step_model import NominalStepModel
 from drift_drake.common.arrays import Array
-from drift_drake.common.executors import ExecutorConfig, run_jobs
+from drift_drake.common.executors import run_jobs
 from drift_drake.common.run_folder import is_done
 from drift_drake.common.safe_files import write_text
 from drift_drake.drive.learnt.samples import (
@@ -48,6 +47,7 @@ from drift_drake.drive.reference.equilibrium import drift_equilibrium
 from drift_drake.drive.reference.trajectory import Reference, figure_8, loops
 from experiments.benchmarks.drifters import HoldDriver, dither, manual_script, wander
 from experiments.benchmarks.vehicles import POPULATIONS, Population, draw_effects
+from experiments.made import SpreadConfig
 
 MIN_SAMPLES = 5  # a drive shorter than this teaches nothing
 # Kind of drive and its longest duration [s], in the order in which a vehicle is driven, from a place of its own on.
@@ -70,8 +70,8 @@ STATE_SCATTER = np.array([0.08, 0.5, 0.08, 0.8, 0.3, 0.05])  # of where a drive 
 
 
 @dataclasses.dataclass(frozen=True)
-class DrivesConfig:
-    """What to drive."""
+class DrivesConfig(SpreadConfig):
+    """What to drive; a cluster's machines must share the output folder."""
 
     seed: int = 0
     train: int = 360  # vehicles
@@ -79,8 +79,6 @@ class DrivesConfig:
     held_out: int = 20  # the same distributions, never looked at before the end
     wide: int = 20  # out of distribution
     samples: int = 325  # a vehicle, at 10 Hz, the first of each drive among them
-    run_on: Annotated[ExecutorConfig, tyro.conf.arg(name="")] = dataclasses.field(default_factory=ExecutorConfig)
-    """A cluster's machines must share the output folder."""
     output: Path = Path("runs/drives")
 
 

@@ -13,15 +13,13 @@ import dataclasses
 import json
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import numpy as np
-import tyro
 
 from diagrams.command import run_command
 from drift_drake.car.step_model import NominalStepModel
 from drift_drake.cli.train import Train, run_train
-from drift_drake.common.executors import ExecutorConfig
 from drift_drake.common.run_folder import write_json
 from drift_drake.drive.learnt.checkpoint import load_model, paper_checkpoint
 from drift_drake.drive.learnt.quality import split_vehicle
@@ -29,7 +27,7 @@ from drift_drake.drive.learnt.samples import load_samples
 from drift_drake.drive.learnt.training_config import Recipe, TrainingConfig, with_recipe
 from experiments.benchmarks.intervals import bootstrap
 from experiments.gathering import lane_drives
-from experiments.made import tabulated, write_report
+from experiments.made import SpreadConfig, tabulated, write_report
 from experiments.model import drives
 from experiments.model.build import UNLIMITED, Stage, do_stages
 from experiments.model.judging import judge_stepper, quality_by_points
@@ -54,7 +52,7 @@ WHAT = {
 
 
 @dataclasses.dataclass(frozen=True)
-class LadderConfig:
+class LadderConfig(SpreadConfig):
     """How large the models are made."""
 
     output: Path = Path("runs/ladder")  # one that holds some stages of the same ladder is gone on with
@@ -62,7 +60,6 @@ class LadderConfig:
     train: int = 35  # vehicles to train on
     held_out: int = 12  # vehicles that judge
     epochs: int = 1000  # of each model; the learning rate ends where it does after the recipe's own number
-    run_on: Annotated[ExecutorConfig, tyro.conf.arg(name="")] = dataclasses.field(default_factory=ExecutorConfig)
 
 
 def trained(config: LadderConfig, name: str, recipe: Recipe = "paper", **changes: Any) -> None:

@@ -22,14 +22,13 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from drift_drake.car.step_model import NominalStepModel
-from drift_drake.common.run_folder import write_json
 from drift_drake.common.safe_files import write_figure
 from drift_drake.drive.learnt.checkpoint import BayesianModel, load_model
 from drift_drake.drive.learnt.posterior import covariance_norms
 from drift_drake.drive.learnt.quality import Split, adapted, split_vehicle, standardized_errors, step_model
 from drift_drake.drive.learnt.samples import concatenate, load_samples
 from experiments.benchmarks.vehicles import Population, draw_effects
-from experiments.made import begun, tabulated, write_report
+from experiments.made import RunConfig, begun, tabulated, write_results
 from experiments.model.judging import (
     GAUSSIAN_COVERAGE,
     judge_stepper,
@@ -48,7 +47,7 @@ TITLES = {"held_out": "held-out vehicles", "wide": "wider distribution"}
 
 
 @dataclasses.dataclass(frozen=True)
-class QualityConfig:
+class QualityConfig(RunConfig):
     """What to judge."""
 
     drives: Path = Path("runs/drives")  # made by `experiments.model.drives`
@@ -57,7 +56,6 @@ class QualityConfig:
     fixed: Path | None = Path("drift_drake/data/fixed_model.npz")  # the network that never adapts
     example: int = 0  # which vehicle of each population the figure "uncertainties" shows
     drives_seed: int = 0  # that the drives were made with
-    out: Path | None = None  # folder for the results; runs/model_quality-DATE-TIME without
 
 
 def run(config: QualityConfig) -> dict[str, Any]:
@@ -223,14 +221,14 @@ def main(config: QualityConfig) -> None:
     """Writes the run folder."""
     folder = begun("model_quality", config)
     result = run(config)
-    write_json(folder / "numbers.json", result)
+    text = "\n\n".join(table(result, population) for population in POPULATIONS)
+    write_results(folder, config, result, text)
     draw_errors(result, folder / "one_step_errors.png")
     draw_coverage(result, folder / "coverage.png")
     draw_rollouts(result, folder / "rollouts.png")
     model = load_model(config.model)
     for population in POPULATIONS:
         _draw_uncertainties(config, model, population, folder / f"uncertainties_{population}.png")
-    write_report(folder, "\n\n".join(table(result, population) for population in POPULATIONS), config)
 
 
 if __name__ == "__main__":

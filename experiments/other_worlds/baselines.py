@@ -11,9 +11,8 @@ import dataclasses
 import shutil
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
-import tyro
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
@@ -21,12 +20,11 @@ from diagrams.command import run_command
 from drift_drake.car.log.table import run_paths
 from drift_drake.common.run_folder import write_json
 from drift_drake.common.safe_files import write_text
-from drift_drake.gap.identification.options import Criterion
 from drift_drake.view.colours import REFERENCE, RUNS
 from drift_drake.view.style import legend_above, new_figure, save, styled
 from experiments.made import begun, made, tabulated
 from experiments.other_worlds.jobs import Calibrate
-from experiments.other_worlds.road import DAY_ONE, InvalidWorldError, Road, answered, score, worlds_by_name
+from experiments.other_worlds.road import InvalidWorldError, Road, answered, score, worlds_by_name
 from experiments.other_worlds.scoring import median_of, said_value, share
 
 RIGHT, ALARMS, INTERVALS = "right", "days with none: false alarms", "intervals that hold the magnitude"
@@ -38,21 +36,11 @@ GOALS = {4: 0.9, 12: 0.95}  # of days right
 
 
 @dataclasses.dataclass(frozen=True)
-class Baselines:
+class Baselines(Road):
     """Right days over the runs that a car is calibrated on."""
 
-    worlds: Annotated[tuple[Path, ...], tyro.conf.Positional]
-    """Folders of days."""
     counts: tuple[int, ...] = (1, 4, 8, 12)
-    """Runs of a baseline, the first ones of day_one."""
-    baseline: str = DAY_ONE
-    """Folder of each world that they are taken from."""
-    out: Path | None = None
-    """Run folder; one that exists is gone on with."""
-    workers: int = 2
-    """Processes."""
-    criterion: Criterion = "auto"
-    """Of the calibrations, as `drift-drake identify` takes it."""
+    """Runs of a baseline, the first ones of its folder."""
 
     def __post_init__(self) -> None:
         if not self.counts or min(self.counts) < 1:
@@ -81,7 +69,7 @@ def road_of(count: int, worlds: Mapping[str, Path], config: Baselines, folder: P
     """The road with one number of runs: calibrated, asked and scored, in a folder of its own."""
     part = folder / f"runs_{count}"
     part.mkdir(parents=True, exist_ok=True)
-    write_json(part / "config.json", Road(config.worlds, part, config.workers, config.criterion, config.baseline))
+    write_json(part / "config.json", Road(config.worlds, config.baseline, config.workers, config.criterion, out=part))
     cars = [
         Calibrate((first_runs(world, config.baseline, count, folder / "baselines" / name / f"first_{count}"),),
                   world / "start.yaml", part / name, config.criterion)

@@ -10,12 +10,10 @@ every day is judged by single effects alone (`left_out.ranked_to_first_order`): 
 import contextlib
 import dataclasses
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from pathlib import Path
 from types import ModuleType
-from typing import Annotated, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
-import tyro
 from tqdm import tqdm
 
 from diagrams.command import run_command
@@ -30,7 +28,7 @@ from drift_drake.gap.evidence import left_over as leaving
 from drift_drake.gap.evidence import ranking
 from drift_drake.gap.evidence.posterior import NONE, UNKNOWN, PosteriorConstants
 from experiments.made import begun, made, tabulated
-from experiments.other_worlds.road import DAY_ONE, worlds_by_name
+from experiments.other_worlds.road import Worlds, worlds_by_name
 from experiments.other_worlds.scoring import TOO, said_share, share
 from experiments.other_worlds.stretches import FACTORS, Calibrated, KeptDay, kept_world
 
@@ -52,15 +50,8 @@ World = tuple[Calibrated, Sequence[KeptDay]]
 
 
 @dataclasses.dataclass(frozen=True)
-class Table:
+class Table(Worlds):
     """What halving and doubling does."""
-
-    worlds: Annotated[tuple[Path, ...], tyro.conf.Positional]
-    """Folders of days."""
-    out: Path | None = None
-    """Run folder; one that exists is gone on with."""
-    baseline: str = DAY_ONE
-    """Folder of each world to calibrate on."""
 
 
 class Counts(NamedTuple):

@@ -23,7 +23,7 @@ from drift_drake.gap.logs.importing.import_logs import write_case
 from drift_drake.gap.logs.importing.importer import import_recordings
 from drift_drake.gap.logs.importing.mapping import RecorderMapping, read_mapping
 from drift_drake.view.style import save
-from experiments.made import begun, made
+from experiments.made import RunConfig, begun, made
 from experiments.other_worlds.calibrations import calibration_row, calibration_scores, calibrations_text
 from experiments.other_worlds.changes import CHANGES
 from experiments.other_worlds.hand_scores import write_scores
@@ -37,13 +37,11 @@ RACER_PARTS = ((0.0, 50.0), (50.0, 100.0), (100.0, 150.0), (150.0, 300.0))  # [s
 
 
 @dataclasses.dataclass(frozen=True)
-class HandChanges:
+class HandChanges(RunConfig):
     """Real logs, changed by hand."""
 
     data: Path
     """Folder with `dart/` and `revs_250lm/`."""
-    out: Path | None = None
-    """Run folder; one that exists is gone on with."""
     workers: int = 2
     """Processes."""
     every: int = 2

@@ -22,7 +22,7 @@ from drift_drake.common.run_folder import write_json
 from drift_drake.common.safe_files import write_text
 from drift_drake.gap.identification.options import Criterion
 from drift_drake.view.style import save
-from experiments.made import begun, made
+from experiments.made import RunConfig, begun, made
 from experiments.other_worlds.calibrations import calibration_row, calibration_scores, calibrations_text
 from experiments.other_worlds.jobs import Ask, Calibrate, answer_of, ask, calibrate, done_once
 from experiments.other_worlds.pictures import draw_rows
@@ -32,19 +32,23 @@ DAY_ONE = "day_one"
 
 
 @dataclasses.dataclass(frozen=True)
-class Road:
-    """Calibrate on day one, diagnose the other days, score."""
+class Worlds(RunConfig):
+    """Folders of days, and which of them to calibrate on."""
 
     worlds: Annotated[tuple[Path, ...], tyro.conf.Positional]
     """Folders of days."""
-    out: Path | None = None
-    """Run folder; one that exists is gone on with."""
+    baseline: str = DAY_ONE
+    """Folder of each world to calibrate on."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Road(Worlds):
+    """Calibrate on day one, diagnose the other days, score."""
+
     workers: int = 2
     """Processes."""
     criterion: Criterion = "auto"
     """Of the calibration, as `drift-drake identify` takes it."""
-    baseline: str = DAY_ONE
-    """Folder of each world to calibrate on."""
 
 
 class InvalidWorldError(DriftDrakeError, ValueError):

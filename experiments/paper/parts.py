@@ -7,16 +7,14 @@ import time
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Any, Literal, get_args
+from typing import Any, Literal, get_args
 
-import tyro
-
-from drift_drake.common.executors import ExecutorConfig
 from drift_drake.common.run_folder import is_done, write_json
 from experiments.benchmarks.vehicles import Population
 from experiments.drifting import figure_8, improvements, loops
 from experiments.drifting.runs import Model, ModelsConfig
 from experiments.gathering.recipe import Recipe
+from experiments.made import RunConfig, SpreadConfig
 from experiments.model.build import do_stages
 from experiments.model.ladder import LadderConfig, stages
 from experiments.paper import drives, worth
@@ -37,7 +35,7 @@ STEPS = (
 
 
 @dataclasses.dataclass(frozen=True)
-class PaperConfig:
+class PaperConfig(SpreadConfig, RunConfig):
     """Which vehicles, which parts."""
 
     parts: tuple[Part, ...] = get_args(Part)
@@ -51,9 +49,6 @@ class PaperConfig:
     """Of the draw of the vehicles."""
     rebuild: bool = False
     """Train the paper's model anew first; without, the shipped checkpoint of its recipe."""
-    run_on: Annotated[ExecutorConfig, tyro.conf.arg(name="")] = dataclasses.field(default_factory=ExecutorConfig)
-    out: Path | None = None
-    """Folder for the results; one that holds some of them is gone on with."""
 
 
 def recipe(config: PaperConfig, kind: Kind, folder: Path) -> dict[str, Any]:

@@ -7,14 +7,8 @@ and with all. Broken off, it goes on where it was (give --out).
 """
 
 import dataclasses
-from pathlib import Path
-from typing import Annotated
-
-import tyro
 
 from diagrams.command import run_command
-from drift_drake.common.executors import ExecutorConfig
-from drift_drake.common.run_folder import write_json
 from drift_drake.common.safe_files import write_table
 from drift_drake.drive.gathering.config import GatheringConfig
 from experiments.benchmarks.vehicles import Population
@@ -22,7 +16,7 @@ from experiments.drifting.improvements import ImprovementsConfig, Rung, drive_la
 from experiments.drifting.report import LABELS, differences_table, pair_of
 from experiments.drifting.runs import EXTRAS, Model
 from experiments.gathering.recipe import Extra, as_in_paper
-from experiments.made import begun, write_report
+from experiments.made import RunConfig, SpreadConfig, begun, write_results
 
 WORDS: dict[Extra, str] = {
     "screening": "the screen of measurements",
@@ -36,7 +30,7 @@ MODELS: tuple[Model, ...] = ("online", "twice_info")
 
 
 @dataclasses.dataclass(frozen=True)
-class WorthConfig:
+class WorthConfig(SpreadConfig, RunConfig):
     """Which vehicles."""
 
     vehicles: int = 4
@@ -45,8 +39,6 @@ class WorthConfig:
     population: Population = "held_out"
     vehicle_seed: int = 0
     """Of the draw of the vehicles."""
-    run_on: Annotated[ExecutorConfig, tyro.conf.arg(name="")] = dataclasses.field(default_factory=ExecutorConfig)
-    out: Path | None = None
 
 
 def rungs() -> list[Rung]:
@@ -72,13 +64,12 @@ def main(config: WorthConfig) -> None:
     runs = drive_ladder(ImprovementsConfig(**options), todo, folder)
     write_table(runs, folder / "runs.csv", index=False)
     summary = summarise_ladder(runs)
-    write_json(folder / "numbers.json", summary)
     parts = [medians_table(todo, summary)]
     for model in MODELS:
         of_model = runs[runs["model"] == model]
         rows = [(one.what, *pair_of(of_model, "rung", one.name, "none")) for one in todo[1:] if model in one.models]
         parts.append(f"{LABELS[model]}, each less the recipe:\n\n{differences_table(rows)}")
-    write_report(folder, "\n\n".join(parts), config)
+    write_results(folder, config, summary, "\n\n".join(parts))
 
 
 if __name__ == "__main__":

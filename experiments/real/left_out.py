@@ -14,7 +14,7 @@ from diagrams.command import run_command
 from drift_drake.common.errors import DriftDrakeError
 from drift_drake.gap.evidence.posterior import NONE
 from drift_drake.gap.identification.options import Criterion
-from experiments.made import begun, tabulated, write_report
+from experiments.made import RunConfig, begun, tabulated, write_report
 from experiments.other_worlds.jobs import Ask, Calibrate, answer_of, ask, calibrate, done_once
 from experiments.other_worlds.scoring import said_share, share
 
@@ -24,15 +24,13 @@ class TooFewRecordingsError(DriftDrakeError, ValueError):
 
 
 @dataclasses.dataclass(frozen=True)
-class LeaveOneOut:
+class LeaveOneOut(RunConfig):
     """Recordings of one car, each left out."""
 
     vehicle: Path
     """First guess of the car."""
     logs: tuple[Path, ...]
     """Folders of logs, one a recording, as `drift-drake import` writes them."""
-    out: Path | None = None
-    """Run folder; one that exists is gone on with."""
     workers: int = 2
     """Processes."""
     criterion: Criterion = "prediction"

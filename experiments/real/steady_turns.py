@@ -14,10 +14,9 @@ import numpy as np
 
 from diagrams.command import run_command
 from drift_drake.car.log.table import Run
-from drift_drake.common.run_folder import write_json
 from drift_drake.gap.logs.importing.importer import import_recordings
 from drift_drake.gap.logs.importing.mapping import read_mapping
-from experiments.made import begun, tabulated, write_report
+from experiments.made import RunConfig, begun, tabulated, write_results
 from experiments.other_worlds.hand_changes import NoDataError
 
 SPEEDS = (0.6, 0.8, 1.0, 1.2, 1.5, 1.8, 2.1)  # [m/s]
@@ -29,13 +28,11 @@ NAMES = ("turn", "speed_from", "speed_to", "seconds", "torque", "torque_low", "t
 
 
 @dataclasses.dataclass(frozen=True)
-class SteadyTurns:
+class SteadyTurns(RunConfig):
     """Steady turns of recordings."""
 
     data: Path
     """Folder with `dart/`."""
-    out: Path | None = None
-    """Run folder."""
 
 
 def averaged(x: np.ndarray, rows: int) -> np.ndarray:
@@ -89,8 +86,7 @@ def main(config: SteadyTurns) -> None:
     """The table of all recordings."""
     found = {run.name: steady_turns(run) for run in recordings(config.data)}
     folder = begun("steady_turns", config)
-    write_json(folder / "numbers.json", found)
-    write_report(folder, table(found), config)
+    write_results(folder, config, found, table(found))
 
 
 if __name__ == "__main__":

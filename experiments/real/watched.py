@@ -20,7 +20,7 @@ from drift_drake.car.vehicle_file import read_vehicle
 from drift_drake.common.run_folder import is_done, write_json
 from drift_drake.gap.monitoring.baselines import BaselineScores, calibrated_monitor, learn_baseline_scores
 from drift_drake.gap.monitoring.watch import rows_of, watched
-from experiments.made import begun, tabulated, write_report
+from experiments.made import RunConfig, begun, tabulated, write_report
 from experiments.other_worlds.changes import CHANGES
 
 MAGNITUDES = {"steering_offset": 0.051, "gyro_bias": 0.075, "sideslip_bias": 0.066, "wheel_radius_error": 0.08}
@@ -30,12 +30,11 @@ NEW = ("free_driving", "floor_b")
 
 
 @dataclasses.dataclass(frozen=True)
-class Config:
+class Config(RunConfig):
     """What has been calibrated, and where the answers go."""
 
     hand: Path
     """Folder of `experiments.other_worlds.hand_changes`: its logs and calibrations are used."""
-    out: Path | None = None
 
 
 def watch(run: Run, car: Path, scores: BaselineScores) -> list[dict[str, Any]]:

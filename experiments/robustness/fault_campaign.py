@@ -11,18 +11,16 @@ import dataclasses
 import json
 from functools import cache
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Any, Literal
 
 import numpy as np
 import pandas as pd
-import tyro
 from matplotlib.figure import Figure
 
 from diagrams.command import run_command
 from drift_drake.car.effects.magnitudes import Effects
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.car.step_model import NominalStepModel, StepModel
-from drift_drake.common.executors import ExecutorConfig
 from drift_drake.common.run_folder import is_done, make_run_folder, write_versions
 from drift_drake.common.safe_files import write_table
 from drift_drake.drive.learnt.adapter import BayesianAdapter
@@ -36,7 +34,7 @@ from drift_drake.view.colours import RUNS
 from drift_drake.view.style import new_figure, save, styled
 from experiments.benchmarks.intervals import binomial
 from experiments.benchmarks.vehicles import draw_effects
-from experiments.made import tabulated, write_report
+from experiments.made import RunConfig, SpreadConfig, tabulated, write_report
 from experiments.settings import keep_settings, run_kept
 
 FAULTS = {  # begins after one second, in a drift
@@ -75,7 +73,7 @@ Model = Literal["nominal", "prior", "online"]
 
 
 @dataclasses.dataclass(frozen=True)
-class CampaignConfig:
+class CampaignConfig(SpreadConfig, RunConfig):
     """How many loops, of what."""
 
     loops: int = 1000
@@ -94,9 +92,6 @@ class CampaignConfig:
     control: ControlConfig = dataclasses.field(
         default_factory=lambda: ControlConfig(horizon=15, period=0.02, delay=0.02)
     )
-    run_on: Annotated[ExecutorConfig, tyro.conf.arg(name="")] = dataclasses.field(default_factory=ExecutorConfig)
-    out: Path | None = None
-    """Folder for the results; one that holds some loops already is gone on with."""
 
 
 @dataclasses.dataclass(frozen=True)

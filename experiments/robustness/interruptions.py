@@ -31,6 +31,7 @@ from drift_drake.common.errors import DriftDrakeError
 from drift_drake.common.interruption import ENDS
 from drift_drake.common.run_folder import is_done, make_run_folder, write_json
 from drift_drake.common.safe_files import PARTIAL, write_table
+from experiments.made import RunConfig
 from experiments.robustness.long_commands import COMMANDS
 
 MOST_OFTEN = 4  # interruptions of one attempt
@@ -45,7 +46,7 @@ class UndisturbedError(DriftDrakeError, RuntimeError):
 
 
 @dataclasses.dataclass(frozen=True)
-class InterruptionsConfig:
+class InterruptionsConfig(RunConfig):
     """How often, and what."""
 
     count: int = 80
@@ -56,7 +57,6 @@ class InterruptionsConfig:
     latest: float = 1.0
     """Moment of an interruption, as a share of the undisturbed run's duration; 0.2: within the imports mostly."""
     seed: int = 0
-    out: Path | None = None
 
 
 def results(folder: Path) -> dict[str, str]:

@@ -67,7 +67,7 @@ def asked(monkeypatch):
 def test_each_count_is_a_road_of_its_own_and_is_kept(world, asked, tmp_path, capsys):
     out = tmp_path / "out"
     for _ in range(2):
-        main(Baselines((world,), (1, 3), out=out))
+        main(Baselines((world,), counts=(1, 3), out=out))
     assert asked == [["run_0.csv"], ["run_0.csv", "run_1.csv", "run_2.csv"]]
     text = (out / "baselines.md").read_text()
     assert "| runs of the baseline | 1 | 3 |" in text
@@ -94,14 +94,14 @@ def test_the_first_runs_are_those_of_the_lowest_numbers(world, tmp_path):
 
 def test_counts_below_one_are_refused(world):
     with pytest.raises(ValueError, match="give one or more numbers of runs"):
-        Baselines((world,), (0, 4))
+        Baselines((world,), counts=(0, 4))
 
 
 @pytest.mark.usefixtures("asked")
 def test_worlds_without_strange_faults_are_drawn_too(world, tmp_path):
     labels = {code: label for code, label in LABELS.items() if not label["strange"]}
     (world / "labels.json").write_text(json.dumps(labels))
-    main(Baselines((world,), (4,), out=tmp_path / "out"))
+    main(Baselines((world,), counts=(4,), out=tmp_path / "out"))
     scores = json.loads((tmp_path / "out" / "runs_4" / "scores.json").read_text())
     row = figures(scores)
     assert row[STRANGE_RIGHT]["count"] == 0

@@ -51,7 +51,7 @@ def test_scored_cases_are_rows_with_what_they_hid(tmp_path):
             tmp_path / "answers" / f"{name}.json"
         )
     (tmp_path / "manifest.json").write_text(json.dumps({"cases": {"one": {"without": []}, "two": {"without": []}}}))
-    answer(Respond(tmp_path, ExecutorConfig(workers=1)))
+    answer(Respond(tmp_path, run_on=ExecutorConfig(workers=1)))
     assert list(read_table(tmp_path)["causes"].fillna("")) == ["steering_lag", ""]
     row = scored_row(tmp_path, {"case": "one", "tier": "exact", "effects": {"steering_lag": 0.12}})
     assert (row["steering_lag"], row["true_steering_lag"], row["true_causes"]) == (0.1, 0.12, "steering_lag")

@@ -36,7 +36,7 @@ def asked(monkeypatch):
 
 def test_each_recording_is_judged_by_the_others(asked, tmp_path, capsys):
     logs = tuple(Path(name) for name in ("logs/a", "logs/b", "logs/c"))
-    main(LeaveOneOut(Path("car.yaml"), logs, tmp_path / "left"))
+    main(LeaveOneOut(Path("car.yaml"), logs, out=tmp_path / "left"))
     cars, days = asked[:3], asked[3:]
     assert [set(job.logs) for job in cars] == [set(logs) - {log} for log in logs]
     assert [(job.case, job.car) for job in days] == [(log, car.folder) for log, car in zip(logs, cars, strict=True)]
@@ -50,5 +50,5 @@ def test_each_recording_is_judged_by_the_others(asked, tmp_path, capsys):
 @pytest.mark.parametrize("logs", [("logs/a",), ("logs/a", "other/a")])
 def test_too_few_recordings_are_refused(logs, tmp_path):
     with pytest.raises(TooFewRecordingsError, match="--logs"):
-        main(LeaveOneOut(Path("car.yaml"), tuple(map(Path, logs)), tmp_path / "left"))
+        main(LeaveOneOut(Path("car.yaml"), tuple(map(Path, logs)), out=tmp_path / "left"))
     assert not (tmp_path / "left").exists()

@@ -233,7 +233,7 @@ def test_the_road_asks_once_and_opens_labels_last(tmp_path, monkeypatch):
     monkeypatch.setattr(road, "ask", answer_it)
     monkeypatch.setattr(road, "calibrate", calibrate_it)
     for _ in range(2):
-        road.main(road.Road((world,), out))
+        road.main(road.Road((world,), out=out))
     assert asked == ["car.json", "aa.json", "bb.json"]
     assert json.loads((out / "scores.json").read_text())["all"]["right"]["hits"] == 2
     assert (out / "said.png").exists()
@@ -268,7 +268,7 @@ def test_a_folder_that_is_no_world_is_refused(tmp_path):
         road.checked(tmp_path)
     one, other = make_world(tmp_path / "a" / "world"), make_world(tmp_path / "b" / "world")
     with pytest.raises(road.InvalidWorldError, match="same name"):
-        road.main(road.Road((one, other), tmp_path / "run"))
+        road.main(road.Road((one, other), out=tmp_path / "run"))
 
 
 def test_a_case_of_a_car_that_failed_is_reported(tmp_path):

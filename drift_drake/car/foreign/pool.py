@@ -127,7 +127,7 @@ def roll_all(jobs: list[Job]) -> list[dict[str, np.ndarray]]:
     """
     together: dict[object, list[int]] = {}
     for k, job in enumerate(jobs):
-        alike = (job.dt, _shape(job)[1], tuple(job.parameters.items()), len(job.held)) if job.batch else k
+        alike = (job.dt, job.shape[1], tuple(job.parameters.items()), len(job.held)) if job.batch else k
         together.setdefault(alike, []).append(k)
     waiting = [(members, part, _POOL.submit(part)) for members in together.values()
                for part in _chunks(_joined([jobs[k] for k in members]))]  # fmt: skip
@@ -139,18 +139,12 @@ def roll_all(jobs: list[Job]) -> list[dict[str, np.ndarray]]:
         listener()
     out: list[dict[str, np.ndarray]] = [{} for _ in jobs]
     for members in together.values():
-        ends = np.cumsum([_shape(jobs[k])[0] for k in members])[:-1]
+        ends = np.cumsum([jobs[k].shape[0] for k in members])[:-1]
         for name in jobs[members[0]].outputs:
             whole = np.concatenate([part[name] for part in found[members[0]]])
             for k, own in zip(members, np.split(whole, ends), strict=True):
                 out[k][name] = own
     return out
-
-
-def _shape(job: Job) -> tuple[int, int]:
-    """Roll-outs and rows of a job."""
-    count, rows = next(iter(job.inputs.values())).shape
-    return count, rows
 
 
 def _joined(jobs: list[Job]) -> Job:
@@ -167,7 +161,7 @@ def _answer(
 ) -> dict[str, np.ndarray]:
     """Outputs of a part of a job; ended: parameters with which a process has ended twice, and how, which ends all of
     their parts."""
-    count, rows = _shape(part)
+    count, rows = part.shape
     parameters = part.key, tuple(part.parameters.values())
     for attempt in range(2):
         if parameters in ended:
@@ -194,11 +188,6 @@ def _answer(
 
 def _chunks(job: Job) -> list[Job]:
     """A job in parts for the workers."""
-    count, _ = _shape(job)
+    count, _ = job.shape
     size = -(-count // workers_here()) if job.batch else CHUNK
-    out = []
-    for at in range(0, count, size):
-        start, held, inputs = ({name: values[at : at + size] for name, values in part.items()}
-                               for part in (job.start, job.held, job.inputs))  # fmt: skip
-        out.append(job._replace(start=start, held=held, inputs=inputs))
-    return out
+    return [job.part(slice(at, at + size)) for at in range(0, count, size)]

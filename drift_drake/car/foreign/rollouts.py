@@ -41,6 +41,18 @@ class Job(NamedTuple):
     outputs: tuple[str, ...]
     parameters: Mapping[str, float]
 
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Roll-outs and rows."""
+        count, rows = next(iter(self.inputs.values())).shape
+        return count, rows
+
+    def part(self, at: Any) -> "Job":
+        """Some of its roll-outs, or one."""
+        start, held, inputs = ({name: values[at] for name, values in part.items()}
+                               for part in (self.start, self.held, self.inputs))  # fmt: skip
+        return self._replace(start=start, held=held, inputs=inputs)
+
 
 class Rolled(NamedTuple):
     """What came of a job: outputs by name [n, steps + 1] (NaN where a roll-out failed), and why some failed."""
@@ -64,7 +76,7 @@ def roll(job: Job) -> Rolled:
     Raises:
         SimulatorError: the simulator cannot be loaded.
     """
-    count, rows = next(iter(job.inputs.values())).shape
+    count, rows = job.shape
     out = {name: np.full((count, rows), np.nan) for name in job.outputs}
     failures: list[str] = []
     with contextlib.redirect_stdout(io.StringIO()), np.errstate(all="ignore"):
@@ -78,7 +90,7 @@ def roll(job: Job) -> Rolled:
                 break
             try:
                 with at_most(job.limit * (count if job.batch else 1)):
-                    got = _rolled(runner, job, at)
+                    got = _rolled(runner, job.part(at))
                 for name in job.outputs:
                     out[name][at] = output(got, name, out[name][at].shape)
             except Exception as error:  # of any class that a user's code raises
@@ -87,11 +99,8 @@ def roll(job: Job) -> Rolled:
     return Rolled(out, tuple(failures), seconds)
 
 
-def _rolled(runner: Runner, job: Job, at: Any) -> Mapping[str, Any]:
-    """Some roll-outs of a job."""
-    start, held, inputs = ({name: values[at] for name, values in part.items()}
-                           for part in (job.start, job.held, job.inputs))  # fmt: skip
-    return runner.roll(start, held, inputs, job.dt, job.outputs, job.parameters)
+def _rolled(runner: Runner, job: Job) -> Mapping[str, Any]:
+    return runner.roll(job.start, job.held, job.inputs, job.dt, job.outputs, job.parameters)
 
 
 def _warm_up(runner: Runner, job: Job) -> None:
@@ -99,7 +108,7 @@ def _warm_up(runner: Runner, job: Job) -> None:
     if job.key not in _WARM:
         _WARM.add(job.key)
         with contextlib.suppress(Exception), at_most(STARTED):  # what fails here fails again below, and is said there
-            _rolled(runner, job, slice(0, 1) if job.batch else 0)
+            _rolled(runner, job.part(slice(0, 1) if job.batch else 0))
 
 
 def output(got: Any, name: str, shape: tuple[int, ...]) -> Array:

@@ -40,7 +40,7 @@ from drift_drake.gap.estimation.usable import admit, seen_effects
 from drift_drake.gap.estimation.windows import rows_between_starts, thinned, windowed
 from drift_drake.gap.evidence.constants import PRIORS, WORTH_A_PAIR
 from drift_drake.gap.evidence.hypotheses import Hypothesis, as_change
-from drift_drake.gap.evidence.posterior import UNKNOWN, PosteriorConstants, hypothesis_name
+from drift_drake.gap.evidence.posterior import NONE, UNKNOWN, PosteriorConstants, hypothesis_name
 from drift_drake.gap.evidence.ranking import FALSE_ALARMS, DayRanked, ranked, threshold
 from drift_drake.gap.evidence.search import Search
 
@@ -155,10 +155,19 @@ def left_over_of(search: Search, found: DayRanked, shrinks: Reduction, none: Hyp
     }
 
 
-def stretch_sentence(where: str, named: bool) -> str:
-    """That a few seconds hold most of a gap, and whether a cause is named without them."""
-    without = "the cause is judged without them" if named else "without them no cause is named either"
+def stretch_sentence(where: str, rest: DayRanked) -> str:
+    """That a few seconds hold most of a gap, and what is said without them."""
+    without = "without them no cause is named either"
+    if rest.verdict == NONE:
+        without = f"without them these logs show no gap (probability {rest.probabilities[NONE]:.2f} of none)"
+    elif named_alone(rest):
+        without = "the cause is judged without them"
     return f"most of the gap is in a few seconds, {where}: look at the logs there; {without}"
+
+
+def named_alone(found: DayRanked) -> bool:
+    """Whether a cause is named, without something else."""
+    return found.verdict == "effect" and not found.something_else
 
 
 def left_over_sentence(left: Mapping[str, Any]) -> str:
@@ -198,9 +207,8 @@ def judged_rest(
     rest = without(search, odd)
     none, others = hypotheses_of(rest, lambda _stage, share: tell("without a few seconds", share))
     again, removed = ranked_hypotheses(rest, none, others, *how)
-    named = again.verdict == "effect" and not again.something_else
-    said = [stretch_sentence(stretches_in_words(search, odd), named)]
-    if not named:
+    said = [stretch_sentence(stretches_in_words(search, odd), again)]
+    if not named_alone(again):
         return judged_all, judged_all.shrinks, said
     besides = max(found.something_else, found.probabilities[UNKNOWN])
     again = dataclasses.replace(again, something_else=besides)

@@ -1,6 +1,7 @@
 """A few seconds that hold a gap: they are found, left out and reported, and the cause of the rest is named."""
 
 import dataclasses
+import re
 
 import numpy as np
 import pytest
@@ -50,18 +51,23 @@ def test_without_them_the_day_is_as_it_was(search, odd_search):
     assert [run.name for run in gone.day.runs] == [run.name for run in odd_search.day.runs[1:]]
 
 
-def test_the_cause_of_the_rest_is_named_and_the_seconds_are_reported(other_car, diagnosed):
-    effect = {"torque_gain_error": -0.2}
+@pytest.mark.parametrize(
+    ("effect", "causes", "verdict", "ends"),
+    [
+        ({"torque_gain_error": -0.2}, ["torque_gain_error"], "effect", r"the cause is judged without them"),
+        ({}, [], "unknown", r"without them these logs show no gap \(probability 0\.[89]\d of none\)"),
+    ],
+)
+def test_what_the_rest_shows_is_said_and_the_seconds_are_reported(other_car, diagnosed, effect, causes, verdict, ends):
     first, *others = (
         dataclasses.replace(run, name=f"run_{k}")
         for k, run in enumerate([*other_car.day(effect, 1), *other_car.day(effect, 2)])
     )
     lost = first.t - first.t[0] >= 1.0  # commands that the logger did not get
     commands = {name: np.where(lost, 0.0, getattr(first, name)) for name in ("delta_cmd", "tau_cmd")}
-    found = diagnosed([dataclasses.replace(first, **commands), *others], "lost")
-    assert found.answer.verdict == "effect"
-    assert found.answer.causes == ["torque_gain_error"]
+    found = diagnosed([dataclasses.replace(first, **commands), *others], f"lost {verdict}")
+    assert (found.answer.verdict, found.answer.causes) == (verdict, causes)
     (said,) = [w for w in found.answer.warnings if "in a few seconds" in w]
     assert f"{first.name} between" in said
-    assert said.endswith("the cause is judged without them")
+    assert re.search(f"{ends}$", said)
     assert found.answer.details["left_over"]["probability"] > 0.5

@@ -12,8 +12,8 @@ from drift_drake.gap.logs.wording.conversion import factor
 
 MEANT = {
     "r": "yaw_rate|YawRate|yawrate|imu.angular_velocity.z|gyro_z|GyroZ|gyro[2]|GyrZ|wz|ang_vel_z|psi_dot|YawRt"
-    "|Gyro Yaw Velocity"
-    "|omega(rad/s)|z_rate_of_rotation|GPS Yaw Rate|nYawRate|Gierrate|Giergeschwindigkeit|Drehrate z|vitesse de lacet|taux de lacet"
+    "|Gyro Yaw Velocity|omega(rad/s)"
+    "|z_rate_of_rotation|GPS Yaw Rate|nYawRate|Gierrate|Giergeschwindigkeit|Drehrate z|vitesse de lacet|taux de lacet"
     "|ESP_Gierrate|yawr_dps|/odom/twist/twist/angular/z|/velocity_status/heading_rate|Girhastighet"
     "|yaw [deg/s]|yaw_rate_deg_s|gyro_z_mdps|velocidad de guiñada|r"
     "|ヨーレート|ﾖｰﾚｰﾄ|ヨー角速度【度/秒】|横摆角速度(rad/s)|偏航角速度|요레이트|요 각속도"
@@ -23,7 +23,8 @@ MEANT = {
     "|drive.drive.speed|speed_2d|vehicle_status.speed|ESP_v_Signal|Hastighet (km/h)|snelheid|/control/speed"
     "|Vitesse [nœuds]|velocity kmh|speed_over_ground|Speed (GPS)"
     "|車速|車速【km/h】|車両速度|車速_kmh|车速|车辆速度 km/h|차속|Hastighet (km/t)|snelheid [km/u]",
-    "vx": "vx|vel_x|v_x|twist.linear.x|VelForward (m/s)|/odom/twist/twist/linear/x|velocity[0]|velocity.x|vx_mps|Lng._Vel.",
+    "vx": "vx|vel_x|v_x|twist.linear.x|VelForward (m/s)|/odom/twist/twist/linear/x|velocity[0]|velocity.x|Lng._Vel."
+    "|vx_mps",
     "vy": "vy|twist.linear.y|velocity[1]|v_lat|Lat._Vel.",
     "ax": "ax|acc_x|linear_acceleration.x|accel[0]|InlineAcc|GPS LonAcc|GForceX|Längsbeschleunigung|LaengsBeschl",
     "ay": "ay|acc_y [g]|AccY|LatAcc|G Force Lat|gLat|lateral_acc|Lateral G|lat_g|Querbeschl.|Querbeschleunigung"

@@ -144,8 +144,9 @@ def _spike_sentences(
     reported = []
     for start, stop in found[:LISTED]:
         rows = "" if stop - start == 1 else f" ({stop - start} rows)"
+        worst = start + int(np.argmax(np.abs(raw[start:stop] - filled[start:stop])))
         reported.append(
-            f"at {run.t[start]:.2f} s{rows} ({raw[start]:.4g} {UNITS[name]} in place of {filled[start]:.4g})"
+            f"at {run.t[start]:.2f} s{rows} ({raw[worst]:.4g} {UNITS[name]} in place of {filled[worst]:.4g})"
         )
     if not reported:
         return []

@@ -135,6 +135,7 @@ def test_a_command_that_is_impossible_for_a_moment_is_left_out(case, column, val
     assert np.max(np.abs(one.run.column(column))) <= np.max(np.abs(good))
     np.testing.assert_array_equal(one.run.column(column)[: 500 - rows], good[: 500 - rows])
     assert f"{column} has a spike at" in sentences[0]
+    assert f"({value:.4g} " in sentences[0]
 
 
 def test_a_bad_command_that_is_spread_by_resampling_is_left_out_whole(case):

@@ -1,6 +1,6 @@
 """How often stated probabilities held on held-out logs of cars with other equations.
 
-The probabilities are those of `2026-11-27_reliability.csv`, which `experiments.other_worlds.reliability` writes of the
+The probabilities are those of `2026-11-28_reliability.csv`, which `experiments.other_worlds.reliability` writes of the
 run folders of `experiments.other_worlds.road`.
 """
 
@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from experiments.other_worlds.reliability import draw_reliability, read_panels
 
-STATED = Path(__file__).parents[1] / "results" / "2026-11-27_reliability.csv"
+STATED = Path(__file__).parents[1] / "results" / "2026-11-28_reliability.csv"
 
 
 def draw() -> Figure:

@@ -12,7 +12,7 @@ from drift_drake.gap.logs.wording.conversion import factor
 
 MEANT = {
     "r": "yaw_rate|YawRate|yawrate|imu.angular_velocity.z|gyro_z|GyroZ|gyro[2]|GyrZ|wz|ang_vel_z|psi_dot|YawRt"
-    "|Gyro Yaw Velocity"
+    "|Gyro Yaw Velocity|omega(rad/s)"
     "|z_rate_of_rotation|GPS Yaw Rate|nYawRate|Gierrate|Giergeschwindigkeit|Drehrate z|vitesse de lacet|taux de lacet"
     "|ESP_Gierrate|yawr_dps|/odom/twist/twist/angular/z|/velocity_status/heading_rate|Girhastighet"
     "|yaw [deg/s]|yaw_rate_deg_s|gyro_z_mdps|velocidad de guiñada|r"
@@ -23,8 +23,9 @@ MEANT = {
     "|drive.drive.speed|speed_2d|vehicle_status.speed|ESP_v_Signal|Hastighet (km/h)|snelheid|/control/speed"
     "|Vitesse [nœuds]|velocity kmh|speed_over_ground|Speed (GPS)"
     "|車速|車速【km/h】|車両速度|車速_kmh|车速|车辆速度 km/h|차속|Hastighet (km/t)|snelheid [km/u]",
-    "vx": "vx|vel_x|v_x|twist.linear.x|VelForward (m/s)|/odom/twist/twist/linear/x|velocity[0]|velocity.x|vx_mps",
-    "vy": "vy|twist.linear.y|velocity[1]|v_lat",
+    "vx": "vx|vel_x|v_x|twist.linear.x|VelForward (m/s)|/odom/twist/twist/linear/x|velocity[0]|velocity.x|Lng._Vel."
+    "|vx_mps",
+    "vy": "vy|twist.linear.y|velocity[1]|v_lat|Lat._Vel.",
     "ax": "ax|acc_x|linear_acceleration.x|accel[0]|InlineAcc|GPS LonAcc|GForceX|Längsbeschleunigung|LaengsBeschl",
     "ay": "ay|acc_y [g]|AccY|LatAcc|G Force Lat|gLat|lateral_acc|Lateral G|lat_g|Querbeschl.|Querbeschleunigung"
     "|accélération latérale|accel transversale|linear_acceleration.y|imu.acceleration[1]"
@@ -38,13 +39,14 @@ MEANT = {
     "omega_r": "wheel_speed_rl|wheelspeedrr|WheelSpdRR|ws_rl|omega_r|rear_wheel_speed|Raddrehzahl hinten links"
     "|Radgeschwindigkeit HL|vitesse roue AR gauche|wheel_rpm_rl|wheel rr (km/h)|Wheel Speed LR",
     "psi": "psi|heading|yaw|yaw_angle|orientation.yaw|Gierwinkel|cap|psi_deg|方位角|航向角|ヨー角|ψ",
-    "beta": "beta|sideslip|side_slip_angle|Schwimmwinkel|angle de dérive|横滑り角|质心侧偏角|β",
+    "beta": "beta|Slip_COG|Slip CG [deg]|sideslip|side_slip_angle|Schwimmwinkel|angle de dérive|横滑り角|质心侧偏角|β",
     "tau_cmd": "tau|engine_torque|motor_torque_cmd|Motormoment|couple moteur|Antriebsmoment [Nm]",
     "x": "x|pos_x|position.x|x_m|x [m]|pos[0]",
     "time": "time|t|Time|timestamp|Zeit [s]|Zeitstempel|temps|time_ms|header.stamp|elapsed_time|UTC|Uhrzeit|log_time"
     "|seconds of day|millis|iTOW|時間[s]|时间(s)|시간|経過時間 [秒]|時刻",
 }
 NONE = [  # names of no quantity of the log
+    "omega", "wheel slip", "Slip_RL",
     "desired_yaw_rate", "yaw_rate_target", "yaw_rate_setpoint", "Sollgierrate", "yaw_rate_offset", "yaw_rate_limit",
     "yaw_acceleration", "roll_rate", "gyro_x", "imu.angular_velocity.x", "GyroY", "pitch_rate", "Wankrate",
     "engine_speed", "EngineSpeed", "motor_speed", "Motordrehzahl", "régime moteur", "vitesse moteur", "wind_speed",

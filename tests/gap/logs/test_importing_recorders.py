@@ -54,6 +54,25 @@ def test_a_vbo_comes_back_with_its_units_and_signs(tmp_path, changes):
     assert {name: topic.units[name] for name in stated} == stated
 
 
+@pytest.mark.parametrize(
+    ("changes", "yaw_rate", "steering"),
+    [
+        ({"units": "rad/s\nrad\n"}, "rad/s", "rad"),
+        ({"units": "rad/s\n"}, "rad/s", ""),  # the last is blank
+        ({"units": "C\nrad/s\nrad\n"}, "deg/s", "deg"),  # one more than channels: whose is which is not stated
+        ({"units": "rad/s\nrad\n", "replaced": [("height\nyaw", "yaw")]}, "rad/s", "rad"),  # a header line is missing
+        ({"units": "\ns\ndeg\ndeg\nkm/h\ndeg\nm\nrad/s\nrad\n"}, "rad/s", "rad"),  # a line for each column
+    ],
+)
+def test_a_unit_of_a_vbo_is_that_of_its_own_column(tmp_path, changes, yaw_rate, steering):
+    t = 0.01 * np.arange(400)
+    write_vbo(tmp_path / "lap.vbo", t, *lap(t), **changes)
+    (topic,) = read_topics(tmp_path / "lap.vbo")
+    assert topic.units["yaw_rate"] == yaw_rate
+    assert topic.units["steering"] == (steering or "deg")
+    assert (topic.units["velocity"], topic.units["height"]) == ("km/h", "m")
+
+
 def test_a_vbo_is_imported_as_it_is_guessed(tmp_path, capsys):
     t = 36058.0 + 0.01 * np.arange(600)
     lat, long, v, heading, r, steering = lap(t - t[0])

@@ -18,7 +18,7 @@ from drift_drake.cli.main import main
 from drift_drake.gap.logs.importing.formats.files import InvalidRecordingError, read_topics
 from drift_drake.gap.logs.importing.importer import import_recordings
 from drift_drake.gap.logs.importing.look import look, mapping_text
-from drift_drake.gap.logs.importing.mapping import InvalidMappingError, mapping_from_dict
+from drift_drake.gap.logs.importing.mapping import InvalidMappingError, mapping_from_dict, read_mapping
 from drift_drake.gap.logs.importing.recording import read_recording
 
 UNITS = {
@@ -132,10 +132,22 @@ def test_signals_are_guessed_without_a_clock(tmp_path, capsys):
     assert main(["import", "--look", str(tmp_path / "drive.csv")]) == 0
     (tmp_path / "mine.yaml").write_text(text := capsys.readouterr().out)
     assert set(SIGNALS) <= set(yaml.safe_load(text)["signals"])
-    assert "name it in place of '?'" in text
+    assert (
+        "name it in place of '?' under 'clocks', or write the rate of its rows there, as in 'recorder: 100 Hz'" in text
+    )
     command = ["--mapping", str(tmp_path / "mine.yaml"), "--out", str(tmp_path / "out")]
     assert main(["import", str(tmp_path / "drive.csv"), *command]) == 2
     assert "clocks.recorder.column is '?'; name the column of times" in capsys.readouterr().err
+    mapping = yaml.safe_load(text)
+    for rate, period in (("100 Hz", 0.01), ("0.05 kHz", 0.02)):
+        (tmp_path / "mine.yaml").write_text(yaml.safe_dump(mapping | {"clocks": {"recorder": rate}}))
+        (run,), report = import_recordings([tmp_path / "drive.csv"], read_mapping(tmp_path / "mine.yaml"))
+        exact = drive()
+        assert run.t[-1] == pytest.approx(period * (len(exact["t"]) - 1), abs=0.011)
+        for key in SIGNALS:
+            right = np.interp(run.t, period * np.arange(len(exact["t"])), exact[key])
+            np.testing.assert_allclose(run.column(key), right, atol=3e-2, err_msg=key)
+        assert not any("clock" in remark for remark in report.remarks)
 
 
 @pytest.mark.parametrize("stated", ["name", "round", "row"])

@@ -89,8 +89,9 @@ def guessed_mapping(topics: Sequence[Topic]) -> Guess:
         lines[key]["frame"] = frame
     said += _adapted(lines, read, units) + handed.notes
     said += [
-        f"No column looks like the times of {name or 'the table'}: name it in place of '?' under 'clocks'."
-        for name in dict.fromkeys(topic.name for topic, *_ in found.values())
+        f"No column looks like the times of {name or 'the table'}: name it in place of '?' under 'clocks', or write "
+        f"the rate of its rows there, as in '{clock}: 100 Hz'."
+        for name, clock in {c.topic.name: of_column[c.topic.name, c.column] for c in reversed(found.values())}.items()
         if name not in clocks
     ]
     known = set(found) | ({"v"} if {"vx", "latitude"} & set(found) else set())

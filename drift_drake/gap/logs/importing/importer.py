@@ -142,7 +142,7 @@ def pieces_of(
     """
     first = recording.clocks[mapping.first_clock]
     clock = mapping.clocks[mapping.first_clock]
-    doubted = clock_doubts(clock.column, first.t, clock.unit)
+    doubted = [] if clock.rate else clock_doubts(clock.column, first.t, clock.unit)
     stretches = [stretch_of(first, part, mapping) for part in moving_stretches(first, mapping)]
     offsets, wrong = clock_offsets(recording, stretches, mapping) if stretches else ({}, [])
     rows = [_rows(recording, stretch, offsets, mapping, start, end) for stretch in stretches]
@@ -153,7 +153,7 @@ def pieces_of(
         step = float(np.median(np.diff(first.t)))
         if step > LARGEST_GAP:
             raise InvalidRecordingError(
-                f"{path}: the clock '{clock.column}' ticks each {step:.3g} s, and a log needs readings each "
+                f"{path}: the clock '{clock.label}' ticks each {step:.3g} s, and a log needs readings each "
                 f"{LARGEST_GAP:g} s or more often; name a finer column of times, or record faster"
             )
         asked = "" if mapping.moving is None else f" above {mapping.moving.speed:g} m/s"

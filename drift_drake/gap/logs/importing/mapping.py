@@ -2,6 +2,7 @@
 
 import dataclasses
 import math
+import re
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -23,6 +24,7 @@ from drift_drake.gap.logs.wording.conversion import FRAMES, QUANTITIES, dimensio
 DERIVABLE = ("r", "v", "beta", "ax", "ay")
 BETWEEN = ("linear", "hold")
 EPOCHS = ("auto", "shared", "own")
+ROWS_RATES = 1e-3, 1e6  # [Hz]
 
 
 class InvalidMappingError(DriftDrakeError, ValueError):
@@ -42,19 +44,27 @@ class Align:
 class Clock:
     """A column of times. The first clock of a mapping is the log's. `unit`: of time, or `hhmmss` (of packed digits).
 
+    Of a table without times `rate` [Hz] in place of `column`: row k of its signals' topic is read at k / rate.
+
     A reading is taken wherever the clock ticks: a recorder that repeats slow columns in fast rows repeats their clock
     too. Another clock's offset is `offset` where it is known. Else clocks of several topics, and clocks with absolute
     stamps, share their epoch, and of two other clocks in one table reading and row are taken as simultaneous; `epoch`
     (shared, own) says otherwise. `align` refines the offset from the data.
     """
 
-    column: str
+    column: str = ""
     unit: str = "s"
     regular: bool = False  # readings are taken at a fixed rate; the times are those of arrival, and jitter
     blank: float | None = None  # a time that stands for "no reading yet"
     offset: float | None = None  # [s] to add to read the first clock
     epoch: str = "auto"
     align: Align | None = None
+    rate: float | None = None
+
+    @property
+    def label(self) -> str:
+        """What messages call it: its column, or its rate."""
+        return self.column if self.rate is None else f"{self.rate:g} Hz"
 
 
 @dataclasses.dataclass(frozen=True)
@@ -230,11 +240,33 @@ def _choice(value: Any, known: tuple[str, ...] | list[str], key: str) -> str:
     return str(value)
 
 
+def _rate(value: Any, key: str) -> float:
+    """A rate [Hz] as text, such as `100 Hz` or `2.5 kHz`."""
+    found = re.fullmatch(r"\s*([\d.eE+-]+)\s*(k?)Hz\s*", value) if isinstance(value, str) else None
+    try:
+        number = float(found[1]) * (1e3 if found[2] else 1.0) if found else math.nan
+    except ValueError:
+        number = math.nan
+    if not ROWS_RATES[0] <= number <= ROWS_RATES[1]:
+        raise InvalidMappingError(f"{key} is {shown(value)}; give the rows' rate, 0.001 Hz to 1000 kHz, as '100 Hz'")
+    return number
+
+
 def _clock(data: Any, key: str) -> Clock:
+    if not isinstance(data, dict):
+        return Clock(rate=_rate(data, key))
     entries = dict(_entries(data, Clock, f"{key}."))
+    if "rate" in entries:
+        if extra := sorted({"column", "unit", "regular", "blank"} & set(entries)):
+            raise InvalidMappingError(f"{key} has a rate, which gives its times; take out {', '.join(extra)}")
+        entries["rate"] = _rate(entries["rate"], f"{key}.rate")
+    elif "column" not in entries:
+        raise InvalidMappingError(f"missing '{key}.column'; add a line for it, or for the rows' rate")
     _texts(entries, ("column",), f"{key}.")
-    if entries["column"] == "?":
-        raise InvalidMappingError(f"{key}.column is '?'; name the column of times")
+    if entries.get("column") == "?":
+        raise InvalidMappingError(
+            f"{key}.column is '?'; name the column of times, or write the rows' rate: '{key.split('.', 1)[1]}: 100 Hz'"
+        )
     unit = entries.get("unit", "s")
     if not isinstance(unit, str) or (unit not in PACKED and unit_of(unit, ("time",)) is None):
         units = ", ".join([*DIMENSIONS["time"][1], *PACKED])
@@ -288,6 +320,9 @@ def _check_names(mapping: RecorderMapping) -> None:
             raise InvalidMappingError(
                 f"signals.{name}.clock is '{signal.clock}'; the clocks are {', '.join(mapping.clocks)}"
             )
+    for name, clock in mapping.clocks.items():
+        if clock.rate is not None and all(signal.clock != name for signal in signals.values()):
+            raise InvalidMappingError(f"clocks.{name} is a rate, and no signal is read at it; take it out")
     if (wrong := wrong_position(mapping)) is not None:
         raise InvalidMappingError(wrong)
     captured, derived = is_captured(mapping), derived_quantities(mapping)

@@ -181,12 +181,18 @@ def fit(quantity: str, name: str, unit: str = "", topic: str = "") -> tuple[floa
         return None
     if not topic and bare.startswith("/"):
         topic, bare = parts_of_path(bare)
-    nested = re.match(r"[/.]*([^\s.]+)\.(\S.+)", bare)
+    nested = re.match(r"[/.]*([^\s.]+)\.([^\s_].+)", bare)  # `Lng._Vel.` has a dot of an abbreviation
     if not topic and nested:
         topic, bare = nested[1], nested[2]
     said, unknown, numbers = concepts(bare)
     if "heading" in said and RECEIVERS & set(pieces(bare)):
         said = said - {"heading"} | {"course"}  # that they see: where the car moves, not where it points
+    if "slip" in said and {"cog", "cg"} & set(pieces(bare)):
+        said = said - {"course", "source"} | {"side"}  # at the centre of gravity
+    if "longitude" in said and said & {"speed", "acc"}:
+        said = said - {"longitude"} | {"long"}
+    if quantity == "r" and bare.lower() == "omega" and known is not None:
+        said = {"yaw"}
     said |= set(SAYS.get(known.dimension, "").split()) if known is not None else set()
     around, strange, _ = concepts(re.sub(OF_TOPICS, "", topic, flags=re.IGNORECASE))
     rank = _rank(quantity, said, unknown)

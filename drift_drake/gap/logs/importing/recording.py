@@ -79,7 +79,8 @@ def read_recording(
     topics = topics_of(path, databases) if topics is None else topics
     clocks, remarks = {}, []
     for name, clock in mapping.clocks.items():
-        topic = _topic_of(path, topics, clock.column)
+        read_by = (signal.column for signal in mapping.signals.values() if signal.clock == name)
+        topic = _topic_of(path, topics, clock.column if clock.rate is None else next(read_by))
         t, rows, wrong = _ticks(path, clock, topic)
         remarks += wrong
         values = {}
@@ -206,6 +207,9 @@ def contradicted(topic: Topic, column: str, unit: str, key: str) -> list[str]:
 
 
 def _ticks(path: Path, clock: Clock, topic: Topic) -> tuple[Array, Rows, list[str]]:
+    if clock.rate is not None:
+        rows = np.arange(len(topic.table))
+        return rows / clock.rate, rows, []
     name = _full_name(topic, clock.column)
     numbers, bad = numbers_of(path, topic.table[name], topic.first_line)
     t = clock_seconds(numbers, clock.unit)

@@ -29,7 +29,11 @@ STRAIGHT = 1e-3  # of the bends at the readings: rows that lie on the line betwe
 STANDING = 0.05  # of the high speeds of a run, below which everything may stand still
 FAR = 20.0  # usual changes to a value that no car reaches within a row
 EDGE = 5  # readings next to a stretch that tell whether the channel moved
+# Of commands.
+REST = 0.98  # share of a run's rows that a command usually lies in
+FROM_COMMANDS = 30.0  # times what these have
 Columns = Mapping[str, np.ndarray]
+Span = tuple[int, int]
 MEASURED = ("psi", "r", "v", "beta", "omega_r", "ax", "ay")
 
 
@@ -54,6 +58,28 @@ def spikes(values: np.ndarray, resolution: float = 0.0) -> list[tuple[int, int]]
         found += new
         cleaned = filled(values, found)
     return spans(in_spans(found, len(values)))
+
+
+def command_dropouts(values: np.ndarray, period: float, farthest: float) -> list[Span]:
+    """Spans of rows (start, stop) in which a command [n] is no number that anything has commanded.
+
+    A command may jump and pulse, so that its neighbours say little: a short part is one where it lies beyond what is
+    possible, or a few rows where it is many times what the rest of the run has.
+
+    Args:
+        period: time between rows [s]; farthest: largest possible value, in the command's unit.
+    """
+    size = np.abs(values)
+    usual = float(np.quantile(size, REST))
+    if usual == 0.0:
+        usual = farthest / FROM_COMMANDS  # no command but in the part itself: only the possible tells
+    found = [(start, stop) for start, stop in spans(size > FROM_COMMANDS * usual) if stop - start <= LONGEST]
+    if usual < farthest:  # otherwise the whole column has another unit, which is doubted elsewhere
+        found += [(start, stop) for start, stop in spans(size > farthest) if (stop - start) * period < LONGEST_HOLD]
+    # Rows next to it may lie on the line from a good reading to the bad one.
+    near = [(max(start - (stop - start), 0), stop + (stop - start)) for start, stop in found]
+    bad = in_spans(near, len(values)) if near else np.zeros(len(values), dtype=np.bool_)
+    return spans(bad) if not bad.all() else []
 
 
 def filled(values: np.ndarray, bad: Sequence[tuple[int, int]]) -> np.ndarray:

@@ -9,10 +9,12 @@ import numpy as np
 from drift_drake.car.log.driving import in_spans
 from drift_drake.car.log.table import COLUMNS, OPTIONAL, UNITS, Run
 from drift_drake.gap.logs.noise import coarse, noise_of, step, white_noise_level, wrap_size
-from drift_drake.gap.logs.screening.bad_samples import filled, frozen, spikes
+from drift_drake.gap.logs.screening.bad_samples import command_dropouts, filled, frozen, spikes
 from drift_drake.gap.logs.screening.dead import dead_columns
 
-MEASURED = ("x", "y", "psi", "r", "v", "beta", "omega_r", "ax", "ay")  # commands are known exactly
+MEASURED = ("x", "y", "psi", "r", "v", "beta", "omega_r", "ax", "ay")
+COMMANDS = ("delta_cmd", "tau_cmd")
+FARTHEST = {"delta_cmd": 0.5 * np.pi}  # [rad] that a wheel can be steered
 ANGLES = ("psi", "beta")  # that may be wrapped
 LISTED = 3  # spikes of a column that are reported one by one
 
@@ -92,6 +94,13 @@ def screen(run: Run) -> tuple[Screened, list[str]]:
                 f"{run.name}: {name} comes in steps of {size:.3g} {UNITS[name]}, coarse relative to its noise: "
                 f"its noise is at least {floor[name]:.2g} {UNITS[name]}, and not white"
             )
+    for name in COMMANDS:
+        raw = run.column(name)
+        found = [] if raw is None else command_dropouts(raw, run.period, FARTHEST.get(name, np.inf))
+        if raw is not None and found:
+            corrected[name] = filled(raw, found)
+            bad += [BadRows(name, "spike", *span) for span in found]
+            sentences += _spike_sentences(run, name, raw, corrected[name], found)
     sentences = dead_sentences + _frozen_sentences(run, stretches) + sentences
     clean = dataclasses.replace(run, **corrected) if corrected else run
     return Screened(clean, tuple(sorted(bad, key=lambda part: part.start)), floor, dead), sentences
@@ -135,8 +144,9 @@ def _spike_sentences(
     reported = []
     for start, stop in found[:LISTED]:
         rows = "" if stop - start == 1 else f" ({stop - start} rows)"
+        worst = start + int(np.argmax(np.abs(raw[start:stop] - filled[start:stop])))
         reported.append(
-            f"at {run.t[start]:.2f} s{rows} ({raw[start]:.4g} {UNITS[name]} in place of {filled[start]:.4g})"
+            f"at {run.t[start]:.2f} s{rows} ({raw[worst]:.4g} {UNITS[name]} in place of {filled[worst]:.4g})"
         )
     if not reported:
         return []

@@ -124,6 +124,41 @@ def test_columns_that_freeze_together_are_reported_in_one_sentence(case):
     assert "run_2: r, ax, ay are frozen from 6.00 to 6.19 s" in sentences[0]
 
 
+@pytest.mark.parametrize(
+    ("column", "value", "rows"),
+    [("delta_cmd", -32.0, 1), ("delta_cmd", 2.0, 1), ("delta_cmd", 32.0, 12), ("tau_cmd", 65535.0, 3)],
+)
+def test_a_command_that_is_impossible_for_a_moment_is_left_out(case, column, value, rows):
+    good = case[0].column(column)
+    one, sentences = screen(changed(case[0], column, 500, 500 + rows, value))
+    assert {(part.column, part.kind) for part in one.bad} == {(column, "spike")}
+    assert np.max(np.abs(one.run.column(column))) <= np.max(np.abs(good))
+    np.testing.assert_array_equal(one.run.column(column)[: 500 - rows], good[: 500 - rows])
+    assert f"{column} has a spike at" in sentences[0]
+    assert f"({value:.4g} " in sentences[0]
+
+
+def test_a_bad_command_that_is_spread_by_resampling_is_left_out_whole(case):
+    """A single reading at 20 Hz, on lines to its neighbours at 100 Hz."""
+    good, t = case[0].delta_cmd[::5].copy(), case[0].t[::5]
+    bad = good.copy()
+    bad[100] = 32.0
+    run = dataclasses.replace(case[0], delta_cmd=np.interp(case[0].t, t, bad))
+    one, _ = screen(run)
+    assert np.max(np.abs(one.run.delta_cmd)) <= 1.1 * np.max(np.abs(good))
+
+
+@pytest.mark.parametrize("column", ["delta_cmd", "tau_cmd"])
+def test_a_command_may_jump_pulse_and_be_of_another_unit(case, column):
+    """A pulse from rest, a step, and degrees for radians (which is asked about elsewhere) are no bad samples."""
+    rest = np.zeros(len(case[0]))
+    rest[500:503] = 0.3
+    step = np.where(np.arange(len(rest)) < 600, -0.4, 0.4)
+    for values in (rest, step, np.degrees(case[0].delta_cmd)):
+        one, sentences = screen(dataclasses.replace(case[0], trusted=(column,), **{column: values}))
+        assert (one.bad, sentences) == ((), [])
+
+
 def test_a_sensor_that_dies_is_found(case):
     run = case[0]
     one, _ = screen(changed(run, "v", 1000, len(run), run.v[1000]))

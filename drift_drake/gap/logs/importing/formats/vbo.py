@@ -119,14 +119,21 @@ def _units(sections: dict[str, list[str]], names: list[str]) -> dict[str, str]:
     header = [line.strip() for line in sections.get("header", []) if line.strip()]
     if header and header[0].lower().startswith("sat") and not names[0].lower().startswith("sat"):
         header = header[1:]
-    header = [*header, *names[len(header) :]][: len(names)]
+    if len(header) != len(names):
+        header = names  # which line belongs to which column is not stated
     units = {name: unit for name in names for pattern, unit in UNITS.items() if re.fullmatch(pattern, name.lower())}
-    own = [name for name, long in zip(names, header, strict=True) if not re.fullmatch(STANDARD, long.lower())]
+    own = [
+        name
+        for name, long in zip(names, header, strict=True)
+        if name not in COLUMNS and not re.fullmatch(STANDARD, long.lower())
+    ]
     given = [line.strip() for line in sections.get("channel units", [])]
-    while given and not given[-1]:
-        given.pop()
-    if len(given) <= len(own):
-        units |= {name: unit for name, unit in zip(own, given, strict=False) if unit}
+    stated = len("\n".join(given).rstrip("\n").split("\n")) if any(given) else 0
+    # A list of another length than the channels says not which unit belongs to which; its last may be blank.
+    for channels in (own, names):
+        if stated <= len(channels) <= len(given):
+            units |= {name: unit for name, unit in zip(channels, given, strict=False) if unit}
+            break
     for name, long in zip(names, header, strict=True):
         word = long.lower().split()[-1].strip("()[]")
         if word in WORDS and len(long.split()) > 1 and name not in own:

@@ -152,6 +152,12 @@ def unit_of(text: str, kinds: tuple[str, ...] | None = None) -> Unit | None:
     return next((unit for unit in meanings(text) if kinds is None or unit.dimension in kinds), None)
 
 
+def hertz(text: object) -> float:
+    """A rate [Hz] written as `100 Hz` or `2.5 kHz`; NaN of anything else."""
+    found = re.fullmatch(r"\s*(\d+\.?\d*(?:[eE][+-]?\d+)?)\s*(k?)Hz\s*", text) if isinstance(text, str) else None
+    return float(found[1]) * (1e3 if found[2] else 1.0) if found else math.nan
+
+
 def _plain(text: str) -> str:
     """Without brackets, quotes, typographic signs."""
     plain = text.replace("**", "^").replace("Â", "").replace("œ", "oe").translate(SIGNS)

@@ -2,7 +2,6 @@
 
 import dataclasses
 import math
-import re
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -10,7 +9,7 @@ from typing import Any
 from drift_drake.car.log.table import COLUMNS
 from drift_drake.common.errors import DriftDrakeError, shown
 from drift_drake.common.plain_files import LARGEST_YAML, parse_yaml, read_text
-from drift_drake.common.units import DIMENSIONS, PACKED, unit_of
+from drift_drake.common.units import DIMENSIONS, PACKED, hertz, unit_of
 from drift_drake.gap.logs.importing.formula import InvalidFormulaError, names_in
 from drift_drake.gap.logs.importing.known import (
     derived_quantities,
@@ -24,7 +23,6 @@ from drift_drake.gap.logs.wording.conversion import FRAMES, QUANTITIES, dimensio
 DERIVABLE = ("r", "v", "beta", "ax", "ay")
 BETWEEN = ("linear", "hold")
 EPOCHS = ("auto", "shared", "own")
-ROWS_RATES = 1e-3, 1e6  # [Hz]
 
 
 class InvalidMappingError(DriftDrakeError, ValueError):
@@ -240,33 +238,22 @@ def _choice(value: Any, known: tuple[str, ...] | list[str], key: str) -> str:
     return str(value)
 
 
-def _rate(value: Any, key: str) -> float:
-    """A rate [Hz] as text, such as `100 Hz` or `2.5 kHz`."""
-    found = re.fullmatch(r"\s*([\d.eE+-]+)\s*(k?)Hz\s*", value) if isinstance(value, str) else None
-    try:
-        number = float(found[1]) * (1e3 if found[2] else 1.0) if found else math.nan
-    except ValueError:
-        number = math.nan
-    if not ROWS_RATES[0] <= number <= ROWS_RATES[1]:
-        raise InvalidMappingError(f"{key} is {shown(value)}; give the rows' rate, 0.001 Hz to 1000 kHz, as '100 Hz'")
-    return number
-
-
 def _clock(data: Any, key: str) -> Clock:
-    if not isinstance(data, dict):
-        return Clock(rate=_rate(data, key))
-    entries = dict(_entries(data, Clock, f"{key}."))
+    short = not isinstance(data, dict)
+    entries = {"rate": data} if short else dict(_entries(data, Clock, f"{key}."))
     if "rate" in entries:
         if extra := sorted({"column", "unit", "regular", "blank"} & set(entries)):
             raise InvalidMappingError(f"{key} has a rate, which gives its times; take out {', '.join(extra)}")
-        entries["rate"] = _rate(entries["rate"], f"{key}.rate")
+        if not 1e-3 <= (rate := hertz(entries["rate"])) <= 1e6:
+            said = f"{key if short else f'{key}.rate'} is {shown(entries['rate'])}"
+            raise InvalidMappingError(f"{said}; give the rows' rate, 0.001 Hz to 1000 kHz, as '100 Hz'")
+        entries["rate"] = rate
     elif "column" not in entries:
         raise InvalidMappingError(f"missing '{key}.column'; add a line for it, or for the rows' rate")
     _texts(entries, ("column",), f"{key}.")
     if entries.get("column") == "?":
-        raise InvalidMappingError(
-            f"{key}.column is '?'; name the column of times, or write the rows' rate: '{key.split('.', 1)[1]}: 100 Hz'"
-        )
+        like = f"{key.split('.', 1)[1]}: 100 Hz"
+        raise InvalidMappingError(f"{key}.column is '?'; name the column of times, or write the rows' rate: '{like}'")
     unit = entries.get("unit", "s")
     if not isinstance(unit, str) or (unit not in PACKED and unit_of(unit, ("time",)) is None):
         units = ", ".join([*DIMENSIONS["time"][1], *PACKED])

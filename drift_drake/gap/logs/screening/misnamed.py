@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from drift_drake.gap.logs.screening.averaging import Columns
-from drift_drake.gap.logs.screening.gains import Bounds, gain, mean
+from drift_drake.gap.logs.screening.gains import gain, mean
 from drift_drake.gap.logs.screening.kinematics import Kinematics
 from drift_drake.gap.logs.screening.suspicions import Suspicion
 
@@ -168,19 +168,18 @@ def no_speed(m_all: Kinematics) -> list[Suspicion]:
     Args:
         m_all: windows of any speed.
     """
-    usual = float(np.median(np.abs(m_all.v))) if len(m_all.v) else np.inf
-    if usual > NEARLY_ZERO:
+    if not len(m_all.v) or np.median(np.abs(m_all.v)) > NEARLY_ZERO:
         return []
-    asked: list[tuple[Bounds, str]] = []
-    across = gain(m_all.ay, m_all.r, m_all.spin[:, None], m_all.block)
-    if across is not None:
-        asked.append((across, "ay over r"))
+    # A car may stand for most of a log: v is compared where the other columns say that it moves.
+    turning = np.abs(m_all.r) >= np.sqrt(np.mean(m_all.r**2))
+    asked = [(gain(m_all.ay, m_all.r, m_all.spin[:, None], m_all.block), turning, "ay over r")]
     for values, words in ((m_all.moved, "x, y"), (m_all.omega_r, "omega_r")):
-        known = np.isfinite(values)
-        found = mean(values[known], m_all.block[known]) if known.any() else None
-        if found is not None:
-            asked.append((found, words))
-    for found, words in asked:
+        moving = np.abs(values) > NEARLY_ZERO  # not where it is unknown
+        asked.append((mean(values[moving], m_all.block[moving]) if moving.any() else None, moving, words))
+    for found, where, words in asked:
+        if found is None:
+            continue
+        usual = float(np.median(np.abs(m_all.v[where])))
         if max(SLOWER * usual, NEARLY_ZERO) < found.low and found.high < FASTEST:
             sentence = (
                 f"column v reads {usual:.2g} m/s though {words} ask for {found.middle:.2g} m/s: it is no speed of the "

@@ -4,10 +4,10 @@ import dataclasses
 
 import numpy as np
 import pytest
-from kinematic_log import LENGTH, kinematic_log
+from kinematic_log import LENGTH, NOISE, kinematic_log
 from scipy.signal import butter, filtfilt
 
-from drift_drake.car.log.table import COLUMNS
+from drift_drake.car.log.table import COLUMNS, Run
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.gap.logs.screening.consistency import consistency, consistency_of
 from drift_drake.gap.logs.screening.overlays import estimates
@@ -173,6 +173,21 @@ def test_a_column_that_is_not_what_it_is_called(name, drifting):
         next(word for word in ("without", "swapped", "roll") if word in name)
     ] in sentence
     assert name.split()[0] in sentence
+
+
+@pytest.mark.parametrize("roll_rate", [False, True])
+def test_a_car_that_stands_at_first_has_a_speed(log, roll_rate):
+    """44 s at rest and 30 s of driving; a roll rate taken for the speed is doubted all the same."""
+    run = mapped_wrongly(log)["v a roll rate"] if roll_rate else log
+    rest, rng = 4400, np.random.default_rng(1)
+    columns = {}
+    for name in ("x", "y", "psi", "r", "v", "beta", "omega_r", "ax", "ay", "delta_cmd"):
+        values = run.column(name)
+        still = np.full(rest, values[0] if name in ("x", "y", "psi") else 0.0)
+        columns[name] = np.concatenate([still + rng.normal(0.0, NOISE.get(name, 0.0), rest), values])
+    stood = Run("run_0", 0.01 * np.arange(rest + len(run)), tau_cmd=None, **columns)
+    doubts = [doubt.sentence for doubt in consistency_of([stood], CAR).doubts if "no speed" in doubt.sentence]
+    assert len(doubts) == int(roll_rate)
 
 
 def test_two_speeds_that_are_too_much_alike_are_named(log):

@@ -86,6 +86,44 @@ def test_a_heading_without_a_yaw_rate_is_turned():
     assert (found["frame"], found["signals"]["psi"]["frame"]) == ("iso8855", "ned")
 
 
+def wrapped(angle):
+    return np.angle(np.exp(1j * angle))
+
+
+@pytest.mark.parametrize(
+    ("heading", "line"),
+    [
+        (lambda psi: psi, {}),
+        (lambda psi: 0.5 * np.pi - psi, {"frame": "ned", "offset": 1.570796}),  # from the axis of y, clockwise
+        (lambda psi: psi - 0.5 * np.pi, {"offset": 1.570796}),  # the same, to the left
+        (lambda psi: -psi, {"frame": "?"}),
+    ],
+)
+@pytest.mark.parametrize("rate", [True, False])
+def test_a_heading_is_held_against_the_way_of_x_and_y(tmp_path, heading, line, rate):
+    d = rows(noise=1.0)
+    columns = {name: d[name] for name in ("t", "x", "y", "delta_cmd")} | ({"v": d["v"], "r": d["r"]} if rate else {})
+    columns["car_heading"] = wrapped(heading(d["psi"]))
+    found = guessed_mapping([Topic("", pd.DataFrame(columns))])
+    if rate and line == {"frame": "?"}:
+        line = {"frame": "ned"}  # the yaw rate says which of the two is mirrored
+    assert {key: value for key, value in found.mapping["signals"]["psi"].items() if key in ("frame", "offset")} == line
+    if line == {"frame": "?"}:
+        assert any("car_heading turns against the way of x, y" in note for note in found.notes)
+        return
+    (run,), _ = imported(tmp_path, columns, found.mapping)
+    if "offset" in line or not line:
+        assert np.abs(np.mean(wrapped(run.psi - np.interp(run.t, d["t"], d["psi"])))) < 0.02
+
+
+def test_steering_against_a_heading_and_its_way_is_asked():
+    d = rows(noise=1.0)
+    columns = {"t": d["t"], "x": d["x"], "y": -d["y"], "heading": wrapped(-d["psi"]), "steer": d["delta_cmd"]}
+    found = guessed_mapping([Topic("", pd.DataFrame(columns))])
+    assert found.mapping["signals"]["delta_cmd"]["frame"] == "?"
+    assert any("steer turns against heading and the way of x, y" in note for note in found.notes)
+
+
 def test_a_mapping_that_contradicts_the_position_or_a_compass_is_doubted(tmp_path):
     pytest.importorskip("pyproj", reason="positions are an extra: pip install 'drift_drake[gps]'")
     _, known, ways = drive(RIGHT)

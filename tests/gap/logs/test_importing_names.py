@@ -201,3 +201,32 @@ def test_steering_that_is_no_road_wheel_s_needs_a_scale(factor_, said):
     columns = {"yaw_rate": exact["r"], "speed": exact["v"], "steering [deg]": factor_ * np.degrees(exact["delta_cmd"])}
     _, _, notes = guessed_mapping([table(**columns)])
     assert any("like a steering wheel" in note for note in notes) == said
+
+
+@pytest.mark.parametrize(
+    ("name", "line"),
+    [
+        ("phi(rad)", "'psi: {column: phi(rad), unit: rad}'"),
+        ("theta", "'psi: {column: theta, unit: rad}'"),
+        ("Theta_deg", "'psi: {column: Theta_deg, unit: deg}'"),
+        ("phi_dot [deg/s]", "'r: {column: phi_dot [deg/s], unit: deg/s}'"),
+    ],
+)
+def test_a_symbol_of_yaw_or_roll_is_asked_and_not_taken(name, line):
+    d = rows()
+    table = pd.DataFrame({"t": d["t"], "v": d["v"], "steer": d["delta_cmd"], name: d["psi"]})
+    guess = guessed_mapping([Topic("", table)])
+    assert not {"psi", "r"} & set(guess.mapping["signals"])
+    (note,) = (note for note in guess.notes if "may be the" in note)
+    assert line in note
+
+
+def test_times_of_commands_are_named_and_not_taken():
+    d = rows()
+    signals = {"v": d["v"], "yaw_rate": d["r"], "command_t": d["t"] + 0.02, "command_steering": d["delta_cmd"]}
+    guess = guessed_mapping([Topic("", pd.DataFrame({"state_t": d["t"]} | signals))])
+    assert guess.mapping["clocks"] == {"recorder": {"column": "state_t"}}
+    assert any("command_t may be times too" in note for note in guess.notes)
+    guess = guessed_mapping([Topic("", pd.DataFrame(signals))])
+    assert guess.mapping["clocks"] == {"recorder": {"column": "?"}}
+    assert any("(it may be command_t)" in note for note in guess.notes)

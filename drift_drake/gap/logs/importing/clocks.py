@@ -90,6 +90,20 @@ def _advances(topic: Topic, column: str) -> bool | None:
     return bool(np.mean(steps == 0.0) > STANDS)
 
 
+def other_clocks(topic: Topic, main: str | None) -> list[str]:
+    """Columns of times of something else (`command_t`): beside a table's own, those of commands that differ from it."""
+    found = []
+    for column in map(str, topic.table.columns):
+        said = concepts(bracketed(own_name(topic, column))[0])[0]
+        if column == main or not said & {"time", "t"} or said & {"other", "engine"}:
+            continue
+        if _advances(topic, column) is not False:
+            continue
+        if main is None or ("target" in said and np.any(topic.table[column] != topic.table[main])):
+            found.append(column)
+    return found
+
+
 def by_clock(topic: Topic) -> list[Topic]:
     """A table in which each signal has times of its own (`r_time, r, v_time, v`), as topics; else itself."""
     main = clock_of(topic)

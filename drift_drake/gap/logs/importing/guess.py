@@ -6,12 +6,14 @@ from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
+from pandas.api.types import is_numeric_dtype
 
 from drift_drake.common.units import DIMENSIONS
 from drift_drake.gap.logs.importing.candidates import LOOKED_FOR, ColumnChoice, Traces, named_candidates
 from drift_drake.gap.logs.importing.clocks import (
     by_clock,
     clock_of,
+    other_clocks,
     own_name,
     rate_of,
     read_together,
@@ -36,7 +38,16 @@ from drift_drake.gap.logs.importing.evidence import (
 )
 from drift_drake.gap.logs.importing.formats.topics import Topic
 from drift_drake.gap.logs.importing.handedness import handedness, tracks
-from drift_drake.gap.logs.importing.names import DRIVEN, LIMIT, fit, is_demand, is_handwheel, is_in_g, stated_unit
+from drift_drake.gap.logs.importing.names import (
+    DRIVEN,
+    LIMIT,
+    as_yaw,
+    fit,
+    is_demand,
+    is_handwheel,
+    is_in_g,
+    stated_unit,
+)
 from drift_drake.gap.logs.wording.conversion import QUANTITIES, dimension, units_of
 
 NEEDED = {"delta_cmd": "rad", "r": "rad/s", "v": "m/s"}
@@ -85,15 +96,11 @@ def guessed_mapping(topics: Sequence[Topic]) -> Guess:
             lines[key]["clock"] = of_column[topic.name, column]
     read = {key: dataclasses.replace(signals(c), unit=units[key]).si() for key, c in found.items()}
     handed = handedness(found, units, read, tracks(topics, signals, place))
-    for key, frame in handed.lines.items():
-        lines[key]["frame"] = frame
+    for key, line in handed.lines.items():
+        lines[key] |= line
     said += _adapted(lines, read, units) + handed.notes
-    said += [
-        f"No column looks like the times of {name or 'the table'}: name it in place of '?' under 'clocks', or write "
-        f"the rate of its rows there, as in '{clock}: 100 Hz'."
-        for name, clock in {c.topic.name: of_column[c.topic.name, c.column] for c in reversed(found.values())}.items()
-        if name not in clocks
-    ]
+    said += _clocks_said({c.topic.name: (c.topic, of_column[c.topic.name, c.column]) for c in found.values()}, clocks)
+    said += _symbols_said(topics, found)
     known = set(found) | ({"v"} if {"vx", "latitude"} & set(found) else set())
     known |= {"r", "v"} if {"x", "y", "psi"} <= set(found) else set()
     mapping = {"frame": handed.frame, "clocks": entries, "signals": lines}
@@ -269,6 +276,44 @@ def _clock_entries(
     if not entries and clocks:
         entries = {"recorder": {"column": next(iter(clocks.values()))}}
     return entries, of_column
+
+
+def _clocks_said(used: Mapping[str, tuple[Topic, str]], clocks: Mapping[str, str]) -> list[str]:
+    """Sentences on tables (by name, with their clock's name) without times, and on times beside a table's own."""
+    sentences = []
+    for name, (topic, clock) in used.items():
+        others = other_clocks(topic, clocks.get(name))
+        listed = ", ".join(others[:MOST_NAMED])
+        if name not in clocks:
+            sentences.append(
+                f"No column looks like the times of {name or 'the table'}: name it in place of '?' under 'clocks'"
+                f"{f' (it may be {listed})' if others else ''}, or write the rate of its rows there, as in "
+                f"'{clock}: 100 Hz'."
+            )
+        elif others:
+            sentences.append(
+                f"{listed} may be times too: if signals were read at them, give these a clock of that column."
+            )
+    return sentences
+
+
+def _symbols_said(topics: Sequence[Topic], found: Mapping[str, ColumnChoice]) -> list[str]:
+    """Sentences on columns that may be the heading or its rate, or those of roll or pitch, by their symbol alone."""
+    asked = {"psi": "the roll or pitch angle", "r": "the rate of roll or pitch"}
+    sentences = []
+    for key, other in asked.items():
+        if key in found or (key == "psi" and "r" in found):
+            continue
+        for topic in topics:
+            for column in map(str, topic.table.columns):
+                fits = as_yaw(key, own_name(topic, column), topic.units.get(column, ""))
+                if fits is not None and is_numeric_dtype(topic.table[column]):
+                    unit = fits if fits != "?" else DIMENSIONS[QUANTITIES[key]][0]
+                    sentences.append(
+                        f"{column} may be {'the heading' if key == 'psi' else 'the yaw rate'}, or {other}: if it is "
+                        f"the former, add '{key}: {{column: {column}, unit: {unit}}}' under 'signals'."
+                    )
+    return sentences
 
 
 def _adapted(lines: dict[str, Any], read: Mapping[str, Trace], units: Mapping[str, str]) -> list[str]:

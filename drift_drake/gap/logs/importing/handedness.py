@@ -23,13 +23,14 @@ LEFT, RIGHT = {"enu", "flu"}, {"ned", "frd", "down"}  # words of a yaw rate that
 WRAP = 0.75  # of a turn, that a heading jumps by where it passes north
 RELATIVE = 1.0  # [deg] from which a heading does not begin where a drive does
 UPRIGHT = 5.0  # [m/s^2] of a vertical acceleration that is gravity
+TURNED = 0.35  # [rad] of sideslip on average, within which a heading's zero lies at an axis of x, y
 
 
 class Handed(NamedTuple):
-    """The frame of a mapping, the lines that have another one, and sentences on both."""
+    """The frame of a mapping, what lines of signals have besides (their frame, an offset), and sentences on both."""
 
     frame: str
-    lines: dict[str, str]
+    lines: dict[str, dict[str, str | float]]
     notes: list[str]
 
 
@@ -111,7 +112,43 @@ def handedness(
             because = f"{found[name].column}, clockwise from north,"
         elif words & (LEFT | RIGHT):
             ways["r"], because = (1 if words & LEFT else -1), "its name"
-    return _written(found, read, rates, ways, because)
+    handed = _written(found, read, rates, ways, because)
+    return handed if handed.frame == "ned" or not {"x", "y", "psi"} <= set(found) else _by_path(found, read, handed)
+
+
+def _by_path(found: Mapping[str, ColumnChoice], read: Mapping[str, Trace], handed: Handed) -> Handed:
+    """The same, a heading that is counted from the axis of y, or against the way of x and y, in addition."""
+    ahead, across = velocity(read["x"], read["y"], False)
+    psi, name = read["psi"], found["psi"].column
+    side = sense(derivative(psi, turns=True), clockwise(ahead, across))
+    known = np.isfinite(psi.t) & np.isfinite(psi.values)
+    if side == 0 or not len(ahead.t):
+        return handed
+    moving = np.hypot(ahead.values, across.values)
+    turned = np.interp(ahead.t, psi.t[known], np.unwrap(psi.values[known]))
+    turned -= side * np.arctan2(across.values, ahead.values)
+    zero = float(np.angle(np.sum(moving * np.exp(1j * turned))))
+    quarters = round(zero / (0.5 * np.pi))
+    near = abs(zero - 0.5 * np.pi * quarters) < TURNED
+    turns = -1 if handed.lines.get("psi", {}).get("frame") == "ned" else 1
+    if near and abs(quarters) == 1 and (side == turns or "r" not in read):
+        line: dict[str, str | float] = {"frame": "ned"} if side == -1 else {}
+        line["offset"] = round(-side * 0.5 * np.pi * quarters, 6)
+        said = f"{name} is counted from the axis of y{', clockwise' * (side == -1)}: its frame and offset say so."
+        return handed._replace(lines=handed.lines | {"psi": line}, notes=[*handed.notes, said])
+    if side == -1 and "r" not in read:
+        said = (
+            f"{name} turns against the way of x, y: write 'ned' for '?' if it is positive to the right, or 'iso8855', "
+            "and 'sign: -1' in the line of y, if y is."
+        )
+        return handed._replace(lines=handed.lines | {"psi": {"frame": "?"}}, notes=[*handed.notes, said])
+    if "r" not in read and "delta_cmd" in read and sense(read["delta_cmd"], derivative(psi, turns=True)) == -1:
+        said = (
+            f"{found['delta_cmd'].column} turns against {name} and the way of x, y: write 'frame: ned' in the first "
+            "line and 'frame: iso8855' in its own if these are positive to the right, or 'frame: ned' in its own."
+        )
+        return handed._replace(lines=handed.lines | {"delta_cmd": {"frame": "?"}}, notes=[*handed.notes, said])
+    return handed
 
 
 def _written(
@@ -120,7 +157,8 @@ def _written(
 ) -> Handed:  # fmt: skip
     """The frames by which all is positive to the left."""
     mirrored = ways.get("r") == -1
-    lines, notes = {}, []
+    lines: dict[str, str] = {}
+    notes = []
     for name in [name for name in rates if name != "r"]:
         alike = sense(rates["r"], rates[name]) if "r" in rates else 0
         way = ways.get(name) or ways.get("r", 1) * alike or (-1 if name == "course" or mirrored else 1)
@@ -146,4 +184,4 @@ def _written(
             "Nothing here tells whether r is positive to the left: if it is negative in a left turn, write "
             "'frame: ned' in the first line."
         )
-    return Handed("ned" if mirrored else "iso8855", lines, notes)
+    return Handed("ned" if mirrored else "iso8855", {name: {"frame": frame} for name, frame in lines.items()}, notes)

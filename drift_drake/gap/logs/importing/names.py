@@ -64,6 +64,7 @@ DOUBTFUL = ("min", "in", "mi", "rev", "turn", "day", "us", "u", "tr", "deg c", "
 OF_TOPICS = r"status|report|info"  # that say nothing of what a topic holds
 BRACKETS = str.maketrans("（）［］【】", "()[][]")  # noqa: RUF001
 EARTH = "ned"  # last letters of velocities to the north, east and down
+UNCLEAR = re.compile(r"(?<![a-z])(phi|theta|φ|ϕ|θ)", re.IGNORECASE)  # of a heading, or of roll or pitch
 SHORTENED = 5  # letters from which a word in front of others still speaks (`Lenkradw`, `speedfilt`)
 PART = re.compile(r"[A-Z]{2,4}_(?=.*[a-z])")  # of a car, that sends the signal (`ESP_v_Signal`)
 AXES = {"0": "x", "1": "y", "2": "z"}
@@ -202,6 +203,14 @@ def fit(quantity: str, name: str, unit: str = "", topic: str = "") -> tuple[floa
         return None
     rank += NUMBERED * numbers + _topic_rank(quantity, said, around)
     return rank, _name(known, stated)
+
+
+def as_yaw(quantity: str, name: str, unit: str = "") -> str | None:
+    """The unit that a column states (`?`: none that is known) which would be that quantity if its symbol, phi or theta,
+    meant the yaw angle; None of any other column."""
+    plain = UNCLEAR.sub("yaw", name)
+    fits = None if plain == name else fit(quantity, plain, unit)
+    return None if fits is None or fits[0] >= LIMIT else fits[1] or "?"
 
 
 def _name(known: Unit | None, stated: Stated | None) -> str | None:

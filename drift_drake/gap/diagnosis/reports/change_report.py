@@ -13,7 +13,7 @@ from drift_drake.gap.diagnosis.answers.rivals import in_words
 from drift_drake.gap.diagnosis.calibrated.changed_car import squares
 from drift_drake.gap.diagnosis.calibrated.diagnose_change import ChangeDiagnosis
 from drift_drake.gap.diagnosis.reports.report import in_doubt
-from drift_drake.gap.diagnosis.reports.trials import TRIED, trials
+from drift_drake.gap.diagnosis.reports.trials import EMPTY, trials
 from drift_drake.gap.estimation.driven import all_driven
 from drift_drake.gap.estimation.normal import LOST, Normal
 from drift_drake.gap.estimation.prior import REACH
@@ -23,7 +23,6 @@ from drift_drake.gap.estimation.scores import Day
 from drift_drake.gap.estimation.windows import HORIZONS, WindowedRun, regimes
 from drift_drake.gap.evidence.limit_rows import limit_rows
 from drift_drake.gap.evidence.posterior import UNKNOWN
-from drift_drake.view.colours import RUNS
 from drift_drake.view.pages.charts import LOW, NORMAL, Line, Panel, placed, reach_of, side_by_side, stacked
 from drift_drake.view.pages.driving import driving
 from drift_drake.view.pages.page import GLOSSARY, Source, page_html
@@ -32,8 +31,6 @@ TEMPLATE = Path(__file__).parent / "change_report.html"
 REGIMES = (("speed", "m/s"), ("yaw rate times speed", "m/s²"), ("sideslip", "rad"), ("rim slip", "-"))
 MOST_SHOWN = 8  # hypotheses
 OF_THE_FILTER = ("nominal car", "innovation", "nat", "rear slip", "free-form forces")  # words that this report has not
-
-EMPTY = Line(TRIED, np.empty(0), np.empty(0), RUNS[3], dots=True)
 
 Cars = Mapping[str, np.ndarray]  # errors [windows, HORIZONS, channels] by the name of the car
 

@@ -12,10 +12,11 @@ from drift_drake.car.log.table import UNITS
 from drift_drake.gap.diagnosis.answers.answer import Answer
 from drift_drake.gap.diagnosis.likelihood.diagnose import Diagnosis
 from drift_drake.gap.diagnosis.likelihood.isolability import Isolability, isolability
+from drift_drake.gap.diagnosis.reports.trials import EMPTY, half_second_ahead, trials_by_likelihood
 from drift_drake.gap.estimation.driven import all_driven
 from drift_drake.gap.estimation.filter_state import CHANNELS
 from drift_drake.gap.estimation.fit import Fit, no_effects
-from drift_drake.gap.estimation.freeform import misfit, with_more_process_noise
+from drift_drake.gap.estimation.freeform import misfit
 from drift_drake.gap.estimation.prior import REACH
 from drift_drake.gap.estimation.problem import Problem, filter_case
 from drift_drake.gap.estimation.reduction import (
@@ -24,7 +25,6 @@ from drift_drake.gap.estimation.reduction import (
     STATES,
     at_judged,
     errors_of,
-    predicted_ahead,
     share_removed,
     start_rows,
 )
@@ -56,25 +56,17 @@ def in_doubt(answer: Answer, limits: Sequence[LimitRow], nearest: Sequence[str] 
     return list(dict.fromkeys([*rivals, *nearest])) if len(answer.ambiguity) > 1 or nearest else []
 
 
-def half_second_ahead(problem: Problem, fit: Fit, index: int) -> tuple[np.ndarray, np.ndarray]:
-    """Rows [starts] and measurements [starts, 4] that a car predicts half a second ahead, from its filter's states."""
-    rough = with_more_process_noise(problem)
-    run, gains = rough.runs[index], filter_case(rough, fit.theta, fit.names)
-    ahead = round(HORIZONS[JUDGED] / run.period)
-    starts = start_rows(run)
-    starts = starts[starts + ahead < len(run.y)]
-    out = predicted_ahead(rough, fit.theta, fit.names, index, gains, starts, np.array([ahead]))
-    return starts + ahead, out[:, 0, : len(STATES)]
-
-
 def worst_runs(d: Diagnosis, count: int = 2) -> list[int]:
     """Indices of the runs with the largest gap."""
     runs = d.problem.runs
     return sorted(range(len(runs)), key=lambda i: -d.answer.where["runs"].get(runs[i].name, 0.0))[:count]
 
 
-def overlay(d: Diagnosis, index: int, cars: Cars) -> Markup:
-    """One run as measured and as predicted half a second ahead, and below each state what is left over."""
+def overlay(d: Diagnosis, index: int, cars: Cars, tried: bool = False) -> Markup:
+    """One run as measured and as predicted half a second ahead, and below each state what is left over.
+
+    tried: with lines for an effect that is tried (`trials`).
+    """
     run = d.problem.runs[index]
     t = np.arange(len(run.y)) * run.period
     predicted = {name: half_second_ahead(d.problem, fit, index) for name, fit in cars.items()}
@@ -84,11 +76,12 @@ def overlay(d: Diagnosis, index: int, cars: Cars) -> Markup:
         measured = [Line("measured", t, run.y[:, i])] if run.used[i] else []
         lines = [Line(name, rows * run.period, values[:, i]) for name, (rows, values) in predicted.items()]
         reach = reach_of(run.y[:, i], [line.y for line in lines]) if run.used[i] else None
-        panels.append(Panel(f"{state} [{UNITS[state]}]", [*measured, *lines], reach=reach))
+        more = [EMPTY] if tried and run.used[i] else []
+        panels.append(Panel(f"{state} [{UNITS[state]}]", [*measured, *lines, *more], reach=reach))
         if run.used[i]:
             left = [Line(name, rows * run.period, run.y[rows, i] - values[:, i])
                     for name, (rows, values) in predicted.items()]  # fmt: skip
-            panels.append(Panel(f"measured less predicted [{UNITS[state]}]", left, LOW))
+            panels.append(Panel(f"measured less predicted [{UNITS[state]}]", [*left, *more], LOW))
     return placed(stacked(panels, {} if onset is None else {"gap sets in": onset}))
 
 
@@ -230,14 +223,17 @@ def look_alikes(found: Isolability) -> list[tuple[str, str, float]]:
 def gap_charts(d: Diagnosis) -> dict[str, Any]:
     """What shows the gap, and with a named cause what is left of it; where there is none, the predictions alone."""
     cars = {"nominal": no_effects(d.problem)} | ({"corrected": d.fit} if d.answer.verdict == "effect" else {})
-    overlays = [(d.problem.runs[i].name, overlay(d, i, cars)) for i in worst_runs(d)]
+    worst = worst_runs(d)
+    data = trials_by_likelihood(d, worst[0])
+    overlays = [(d.problem.runs[i].name, overlay(d, i, cars, bool(data) and i == worst[0])) for i in worst]
     if d.answer.verdict == "none":
-        return {"overlays": overlays, "time_line": ""}
+        return {"overlays": overlays, "time_line": "", "trials": data}
     errors = {name: squares(d.problem, fit) for name, fit in cars.items()}
     charts = {
         "time_line": time_line(d, errors),
         "heat_maps": heat_maps(d, errors),
         "overlays": overlays,
+        "trials": data,
         "correlations": correlations(d, cars),
     }
     if d.answer.verdict == "effect":

@@ -3,6 +3,7 @@
 import dataclasses
 import json
 import math
+import re
 
 import numpy as np
 import pytest
@@ -16,7 +17,9 @@ from drift_drake.gap.diagnosis.answers.answer import InvalidAnswerError, read_an
 from drift_drake.gap.diagnosis.answers.apply import corrected_vehicle
 from drift_drake.gap.diagnosis.likelihood.diagnose import diagnose
 from drift_drake.gap.diagnosis.likelihood.isolability import Isolability
-from drift_drake.gap.diagnosis.reports.report import report_html
+from drift_drake.gap.diagnosis.reports.report import report_html, worst_runs
+from drift_drake.gap.diagnosis.reports.trials import half_second_ahead
+from drift_drake.gap.estimation.fit import no_effects
 from drift_drake.gap.estimation.prior import Interval
 from drift_drake.gap.estimation.problem import filter_case, make_problem
 from drift_drake.gap.estimation.usable import seen_effects
@@ -130,6 +133,23 @@ def test_the_reports_of_all_verdicts_open_in_a_browser(report, diagnosis, tmp_pa
     for path in others:
         path.write_text(as_verdict(diagnosis, path.stem), encoding="utf-8")
     check_charts(report, *others)
+
+
+def test_a_rival_is_laid_over_its_prediction_that_of_the_car_with_it(report, diagnosis, browser):
+    name, run = diagnosis.answer.causes[0], worst_runs(diagnosis)[0]
+    page = browser.new_page()
+    page.goto(report.as_uri())
+    page.get_by_role("button", name=name).click()
+    left = page.evaluate("""document.querySelector("#overlay .chart").data
+      .filter(line => line.name === "with the effect tried").map(line => [...line.y])[1]""")
+    nothing = no_effects(diagnosis.problem)
+    q = diagnosis.answer.magnitudes[name].estimate
+    fit = dataclasses.replace(nothing, names=(name,), theta=np.append(nothing.theta, q))
+    rows, predicted = half_second_ahead(diagnosis.problem, fit, run)
+    np.testing.assert_allclose(left, diagnosis.problem.runs[run].y[rows, 0] - predicted[:, 0], atol=1e-4)
+    said = float(re.search(r"are (\S+) of", page.locator("#said").inner_text())[1])
+    assert said < 0.3
+    page.close()
 
 
 def test_limits_to_first_order_grow_with_the_likeness_to_another_effect():

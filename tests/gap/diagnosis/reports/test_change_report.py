@@ -81,6 +81,13 @@ def test_a_rival_is_laid_over_by_a_click_and_its_size_by_a_slider(late_day, tmp_
     page.keyboard.press("Home")  # the least size
     assert page.locator("#said").inner_text().startswith("0 s: squared errors are 1 of")
     np.testing.assert_allclose(page.evaluate(drawn)[1], day.errors[windows, -1, 0], atol=1e-3)
+    place = """[...document.querySelectorAll("#overlay .js-line")]
+      .filter(line => line.style.stroke === "rgb(204, 121, 167)")
+      .map(line => line.getBBox()).flatMap(box => [box.x, box.y, box.width, box.height])"""
+    moved = page.evaluate(place)
+    assert len(moved) == 4 * 8
+    page.wait_for_timeout(1500)  # until the chart itself has drawn the lines that the slider moved
+    np.testing.assert_allclose(page.evaluate(place), moved, atol=1.0)
     page.close()
 
 

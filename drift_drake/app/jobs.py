@@ -1,7 +1,12 @@
-"""Commands in processes of their own: one at a time, with progress, to be cancelled, recorded in the project file."""
+"""Commands in processes of their own: one at a time, with progress, to be cancelled, recorded in the project file.
+
+A command ends with its workbench, however that ends, and holds the folder's lock as long as it runs: who has the lock
+next puts back what it has written over, and says what is lost.
+"""
 
 import contextlib
 import datetime
+import fcntl
 import os
 import re
 import signal
@@ -12,6 +17,7 @@ from collections import deque
 from collections.abc import Callable
 from typing import Any
 
+from drift_drake.app.aside import drop, put_aside, put_back, there
 from drift_drake.app.project import Project
 from drift_drake.app.stages import Stage
 from drift_drake.common.interruption import BAD_INPUT
@@ -22,8 +28,19 @@ CANCELLED = "was cancelled; files are as they were before"
 LOST = (
     "was cut off when the workbench ended; files are as they were before, and what it had computed is lost: run it anew"
 )
-PROGRAM = "import sys; sys.path[:] = {path!r}; from drift_drake.__main__ import main; sys.exit(main())"
 GRACE = 5.0  # [s] for a command to end by itself
+LOCK = ".running.lock"
+PROGRAM = """import os, signal, sys, threading, time
+def end():
+    os.read(0, 1)  # until the workbench is gone
+    os.killpg(0, signal.SIGTERM)
+    time.sleep({grace})
+    os.killpg(0, signal.SIGKILL)
+threading.Thread(target=end, daemon=True).start()
+sys.path[:] = {path!r}
+from drift_drake.__main__ import main
+sys.exit(main())
+"""
 
 
 class RunningCommand:
@@ -32,7 +49,7 @@ class RunningCommand:
     def __init__(self, stage: Stage) -> None:
         self.stage, self.share, self.doing = stage, 0.0, "starts"
         self.lines: deque[str] = deque(maxlen=LAST_LINES)
-        self.cancelled = False
+        self.cancelled = ""  # why
         self.process: subprocess.Popen[bytes] | None = None
 
     def hear(self, text: str) -> None:
@@ -52,10 +69,11 @@ class Jobs:
     def __init__(self, project: Project) -> None:
         self.project, self.running, self._lock = project, None, threading.Lock()
         self.ended = 0  # commands so far
-        with project.changing() as data:  # a workbench that ended in the middle of a command
-            for record in data["steps"].values():
-                if isinstance(record, dict) and record.get("ended") == "running":
-                    record.update(ended="cancelled", said=LOST)
+        self._thread: threading.Thread | None = None
+        if (lock := self._hold()) is not None:
+            os.close(lock)
+        else:  # of a command that is about to end with its workbench, or of another workbench's
+            threading.Thread(target=self._settle, daemon=True).start()
 
     running: RunningCommand | None
 
@@ -66,39 +84,65 @@ class Jobs:
                 return f"{self.running.stage.title} is running; wait for its end, or cancel it"
             if (why := stage.refused()) is not None:
                 return why
+            if (lock := self._hold()) is None:
+                return "another workbench on this folder runs a command; wait for its end"
             job = self.running = RunningCommand(stage)
-        self._record(stage, "running", "", stage.digest())
-        threading.Thread(target=self._run, args=(job, stage.digest()), daemon=True).start()
+        digest, written = stage.digest(), there(self.project.folder, stage.written)
+        self._record(stage, digest, ended="running", said="", written=written)
+        self._thread = threading.Thread(target=self._run, args=(job, digest, written, lock), daemon=True)
+        self._thread.start()
         return None
 
-    def cancel(self) -> None:
+    def cancel(self, why: str = CANCELLED) -> None:
         """Ends what runs, as Ctrl-C in a terminal would."""
         job = self.running
         if job is not None and job.process is not None:
-            job.cancelled = True
+            job.cancelled = why
             with contextlib.suppress(ProcessLookupError):
                 os.killpg(job.process.pid, signal.SIGTERM)
 
     def end(self) -> None:
         """Of the workbench: nothing goes on without it."""
         job = self.running
-        self.cancel()
+        self.cancel(LOST)
         if job is not None and job.process is not None:
             try:
                 job.process.wait(GRACE)
             except subprocess.TimeoutExpired:
                 os.killpg(job.process.pid, signal.SIGKILL)
+        if self._thread is not None:
+            self._thread.join(GRACE)
 
-    def _run(self, job: RunningCommand, digest: str) -> None:
+    def _hold(self, wait: bool = False) -> int | None:
+        """The folder's lock, once what a workbench that is gone has left is put right; None while another has it."""
+        lock = os.open(self.project.folder / LOCK, os.O_RDWR | os.O_CREAT, 0o600)
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | (0 if wait else fcntl.LOCK_NB))
+        except BlockingIOError:
+            os.close(lock)
+            return None
+        with self.project.changing() as data:
+            for record in data["steps"].values():
+                if isinstance(record, dict) and record.get("ended") == "running":
+                    put_back(self.project.folder, record.pop("written", {}))
+                    record.update(ended="cancelled", said=LOST)
+        return lock
+
+    def _settle(self) -> None:
+        lock = self._hold(wait=True)
+        assert lock is not None
+        os.close(lock)
+
+    def _run(self, job: RunningCommand, digest: str, written: dict[str, bool], lock: int) -> None:
         path = [entry for entry in sys.path if entry]  # of this process: no module of the project's folder
-        words = [sys.executable, "-P", "-c", PROGRAM.format(path=path), *job.stage.words]
-        stamps = job.stage.stamps()
-        held = job.stage.before()
+        words = [sys.executable, "-P", "-c", PROGRAM.format(path=path, grace=GRACE), *job.stage.words]
+        folder, stamps = self.project.folder, job.stage.stamps()
+        put_aside(folder, written)
         environment = {**os.environ, "PYTHONUNBUFFERED": "1", "NO_COLOR": "1", "COLUMNS": "120"}
         try:
             with subprocess.Popen(
-                words, cwd=self.project.folder, env=environment, start_new_session=True, stdin=subprocess.DEVNULL,
-                stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+                words, cwd=folder, env=environment, start_new_session=True, stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE, stderr=subprocess.STDOUT, pass_fds=[lock],
             ) as process:  # fmt: skip
                 job.process = process
                 assert process.stdout is not None
@@ -108,18 +152,22 @@ class Jobs:
         except OSError as error:
             job.lines.append(str(error))
             code = BAD_INPUT
-        written = all(new is not None and new != old for new, old in zip(job.stage.stamps(), stamps, strict=True))
-        ended = "cancelled" if job.cancelled else "done" if code == 0 and written else "refused"
-        job.stage.after(ended == "done", held)
-        said = CANCELLED if job.cancelled else "\n".join(job.lines)
-        self._record(job.stage, ended, said, digest)
+        renewed = all(new is not None and new != old for new, old in zip(job.stage.stamps(), stamps, strict=True))
+        ended = "cancelled" if job.cancelled else "done" if code == 0 and renewed else "refused"
+        if ended == "done":
+            drop(folder, written)
+        else:  # whatever a command that was ended in the middle, or in its last moment, has written
+            put_back(folder, written)
+        self._record(job.stage, digest, ended=ended, said=job.cancelled or "\n".join(job.lines))
+        os.close(lock)
         with self._lock:
             self.running = None
             self.ended += 1
 
-    def _record(self, stage: Stage, ended: str, said: str, digest: str) -> None:
+    def _record(self, stage: Stage, digest: str, **more: Any) -> None:
         def write(record: dict[str, Any]) -> None:
-            record.update(command=stage.command(), inputs=digest, ended=ended, said=said,
+            record.clear()
+            record.update(command=stage.command(), inputs=digest, **more,
                           at=datetime.datetime.now().astimezone().isoformat(timespec="seconds"))  # fmt: skip
 
         self.record(stage.name, write)

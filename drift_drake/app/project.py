@@ -118,7 +118,7 @@ class Project:
                 days.setdefault(str(day), []).append(str(name))
         logs = self.folder / "logs"
         for path in sorted(logs.iterdir()) if logs.is_dir() else ():
-            if path.is_dir() and run_paths(path):
+            if path.is_dir() and path.name[0] != "." and run_paths(path):
                 days.setdefault(path.name, [])
         return days
 

@@ -3,10 +3,8 @@
 import json
 import re
 import shlex
-import shutil
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any
 
 from drift_drake.app.project import CALIBRATED, CALIBRATION, CALIBRATION_REPORT, CAR, Project
@@ -62,39 +60,10 @@ class Stage:
         paths = [self.project.folder / path for path in self.outputs]
         return [path.stat().st_mtime_ns if path.exists() else None for path in paths]
 
-    def before(self) -> dict[Path, bytes]:
-        """Puts aside the folder that the command makes anew; what the other outputs hold."""
-        files = [self.project.folder / path for path in self.outputs if not self.replaces]
-        held = {path: path.read_bytes() for path in files if path.is_file()}
-        aside, folder = self._aside(), self.project.folder / self.replaces
-        if self.replaces and folder.is_dir():
-            shutil.rmtree(aside, ignore_errors=True)
-            folder.rename(aside)
-        return held
-
-    def after(self, well: bool, held: Mapping[Path, bytes]) -> None:
-        """Files as they were before where the command did not end well; else all that it left of the folder."""
-        aside, folder = self._aside(), self.project.folder / self.replaces
-        if not well:  # whatever a command that was ended in the middle, or in its last moment, has written
-            if self.replaces:
-                shutil.rmtree(folder, ignore_errors=True)
-                if aside.is_dir():
-                    aside.rename(folder)
-                return
-            for path in (self.project.folder / path for path in self.outputs):
-                if path in held:
-                    path.write_bytes(held[path])
-                else:
-                    path.unlink(missing_ok=True)
-        elif self.replaces and aside.is_dir():
-            for path in aside.iterdir():
-                if not path.name.startswith(("run_", IMPORT_REPORT)):
-                    path.rename(folder / path.name)
-            shutil.rmtree(aside)
-
-    def _aside(self) -> Path:
-        path = self.project.folder / self.replaces
-        return path.with_name(f".{path.name}.before")
+    @property
+    def written(self) -> list[str]:
+        """What the command makes anew, or writes over."""
+        return [self.replaces] if self.replaces else self.outputs
 
 
 def import_day(project: Project, day: str, data: dict[str, Any]) -> Stage:

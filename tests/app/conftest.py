@@ -17,6 +17,7 @@ class Workbench:
 
     def __init__(self, folder: Path) -> None:
         self.folder, given = folder, folder.parent / f"{folder.name}.json"
+        given.unlink(missing_ok=True)  # of a workbench before
         path = [entry for entry in sys.path if entry]
         program = f"import sys; sys.path[:] = {path!r}; from drift_drake.__main__ import main; sys.exit(main())"
         words = ["app", str(folder), "--no-open", "--json", str(given)]

@@ -6,6 +6,7 @@ import pytest
 import yaml
 
 from drift_drake.app import stages
+from drift_drake.app.aside import drop, put_aside, put_back, there
 from drift_drake.app.jobs import LOST, Jobs, RunningCommand
 from drift_drake.app.mapping_edits import edit, merge, set_global
 from drift_drake.app.project import InvalidProjectError, Project
@@ -118,8 +119,16 @@ def test_progress_and_sentences_are_distinguished():
 
 def test_a_command_that_was_cut_off_is_said_to_be_lost(project):
     with project.changing() as data:
-        data["steps"]["calibrate"] = {"ended": "running", "inputs": stages.calibrate(project, data).digest()}
+        written = {"calibrated.yaml": True, "calibrated.json": False}
+        digest = stages.calibrate(project, data).digest()
+        data["steps"]["calibrate"] = {"ended": "running", "inputs": digest, "written": written}
+    (project.folder / "calibrated.yaml").write_text("before")
+    put_aside(project.folder, written)
+    for name in written:
+        (project.folder / name).write_text("half")
     Jobs(project)
+    assert (project.folder / "calibrated.yaml").read_text() == "before"
+    assert not (project.folder / "calibrated.json").exists()
     stage = stages.calibrate(project, project.read())
     assert stage.state(project.read()) == "cancelled"
     assert stage.said(project.read()) == LOST
@@ -169,10 +178,12 @@ def test_a_command_that_did_not_end_well_leaves_files_as_they_were(project):
     (folder / "foxglove" / "old").mkdir(parents=True)
     (folder / "foxglove" / "old" / "mine.txt").write_text("kept")
     for stage, part in ((imported, "logs/monday/run_0.csv"), (exported, "foxglove/old/run_0.mcap")):
-        held = stage.before()
+        written = there(folder, stage.written)
+        put_aside(folder, written)
+        assert set(project.days(data)) == {"monday", "old"}  # what is put aside is no day
         (folder / part).parent.mkdir(parents=True, exist_ok=True)
         (folder / part).write_text("half")
-        stage.after(False, held)
+        put_back(folder, written)
         assert not (folder / part).exists()
     assert not (folder / "logs" / "monday").exists()
     assert (folder / "foxglove" / "old" / "mine.txt").read_text() == "kept"
@@ -180,8 +191,22 @@ def test_a_command_that_did_not_end_well_leaves_files_as_they_were(project):
     for before in (None, "earlier"):
         if before is not None:
             (folder / checked.outputs[0]).write_text(before)
-        held = checked.before()
+        written = there(folder, checked.written)
+        put_back(folder, written)  # ended before anything was put aside
+        assert (folder / checked.outputs[0]).exists() == (before is not None)
+        put_aside(folder, written)
         (folder / checked.outputs[0]).write_text("half")
-        checked.after(False, held)
+        put_back(folder, written)
         assert (folder / checked.outputs[0]).exists() == (before is not None)
     assert (folder / checked.outputs[0]).read_text() == "earlier"
+
+
+def test_of_a_folder_that_is_made_anew_what_no_command_wrote_stays(project):
+    folder = project.folder / "logs" / "old"
+    (folder / "notes.txt").write_text("mine")
+    put_aside(project.folder, ["logs/old"])
+    folder.mkdir()
+    (folder / "run_0.csv").write_text("new")
+    drop(project.folder, ["logs/old"])
+    assert {path.name: path.read_text() for path in folder.iterdir()} == {"run_0.csv": "new", "notes.txt": "mine"}
+    assert [path.name for path in folder.parent.iterdir()] == ["old"]

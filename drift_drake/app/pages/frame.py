@@ -156,4 +156,4 @@ def _running(jobs: Jobs) -> None:
     doing = "is being cancelled" if job.cancelled else f"{job.doing} ({100 * job.share:.0f} %)"
     text("span", f"{job.stage.title[0].upper()}{job.stage.title[1:]}: {doing}")
     box("progress", aria_label="Progress", max="100", value=f"{100 * job.share:.0f}")
-    button("Cancel", jobs.cancel, label=f"Cancel {job.stage.title}", off=job.cancelled)
+    button("Cancel", jobs.cancel, label=f"Cancel {job.stage.title}", off=bool(job.cancelled))

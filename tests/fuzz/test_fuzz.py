@@ -89,6 +89,7 @@ CALIBRATION_BY_PREDICTION: dict[str, Any] = {
         precision=np.eye(CHANNEL_SCALES.size),
         standard=np.ones((2, len(DRIVING))),
         blocks=9,
+        lost=1,
         covariance=np.eye(SCORES),
         information=np.ones(SCORES),
         ratio=1.0,

@@ -38,7 +38,8 @@ class Normal:
     precision: np.ndarray  # of errors in scales [HORIZONS * channels, the same]
     standard: np.ndarray  # of the driving [2, DRIVING] (`partial.standards`)
     slipping: float  # how much tyres slipped (`baseline.slipping_of`)
-    blocks: int
+    blocks: int  # of time that the distribution is learnt from
+    lost: int  # further ones, whose predictions are lost (`lost_blocks`)
     covariance: np.ndarray  # of scores from block to block [m, m]
     information: np.ndarray  # diagonal of a block's information [m]
     ratio: float  # of that scatter to the one that the information tells of
@@ -78,6 +79,7 @@ def normal_from_data(data: Mapping[str, object]) -> Normal:
     arrays = {f.name: data[f.name] for f in dataclasses.fields(Normal)}
     names, of_kind = (tuple(str(name) for name in arrays.pop(key)) for key in ("names", "of_kind"))  # type: ignore[attr-defined]
     blocks = int(number(arrays.pop("blocks"), lambda count: count >= 1.0 and count == round(count)))
+    lost = int(number(arrays.pop("lost"), lambda count: count >= 0.0 and count == round(count)))
     stride = number(arrays.pop("stride"), lambda seconds: 0.0 < seconds <= STRIDE)
     ratio, scale = (number(arrays.pop(key), lambda q: 0.0 < q < LARGEST_NUMBER) for key in ("ratio", "scale"))
     slipping = number(arrays.pop("slipping"), lambda q: abs(q) < LARGEST_LOGARITHM)
@@ -87,6 +89,7 @@ def normal_from_data(data: Mapping[str, object]) -> Normal:
             of_kind=of_kind,
             stride=stride,
             blocks=blocks,
+            lost=lost,
             ratio=ratio,
             scale=scale,
             slipping=slipping,

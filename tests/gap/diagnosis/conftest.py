@@ -19,11 +19,14 @@ CONSIDERED = (
 
 @pytest.fixture(scope="session")
 def diagnosed(other_car):
-    """A function: runs of a later day to their diagnosis, with few effects considered."""
+    """A function: runs of a later day to their diagnosis, with few effects considered.
 
-    def diagnosis(runs, case="day", catalogue=CONSIDERED):
-        car = other_car.found
-        return diagnose_change(runs, car.vehicle, other_car.normal, car.effects, case, 1, catalogue=catalogue)
+    lost: blocks that its baseline is taken to have had beside the others, whose predictions are lost.
+    """
+
+    def diagnosis(runs, case="day", catalogue=CONSIDERED, lost=0):
+        car, normal = other_car.found, dataclasses.replace(other_car.normal, lost=lost)
+        return diagnose_change(runs, car.vehicle, normal, car.effects, case, 1, catalogue=catalogue)
 
     return diagnosis
 

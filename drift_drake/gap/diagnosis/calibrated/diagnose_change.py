@@ -20,7 +20,15 @@ from drift_drake.common.standard_output import Progress
 from drift_drake.gap.diagnosis.answers.answer import Answer
 from drift_drake.gap.diagnosis.calibrated.changed_car import judged, left_in, reduction, stated, where
 from drift_drake.gap.diagnosis.calibrated.gross_gap import judged_by_errors
-from drift_drake.gap.diagnosis.calibrated.one_stretch import odd_blocks, stretches_in_words, without
+from drift_drake.gap.diagnosis.calibrated.one_stretch import (
+    USUAL,
+    named_alone,
+    odd_blocks,
+    stretch_sentence,
+    stretches_in_words,
+    usual_blocks,
+    without,
+)
 from drift_drake.gap.diagnosis.calibrated.posterior import (
     at_bound,
     change_beliefs,
@@ -155,21 +163,6 @@ def left_over_of(search: Search, found: DayRanked, shrinks: Reduction, none: Hyp
     }
 
 
-def stretch_sentence(where: str, rest: DayRanked) -> str:
-    """That a few seconds hold most of a gap, and what is said without them."""
-    without = "without them no cause is named either"
-    if rest.verdict == NONE:
-        without = f"without them these logs show no gap (probability {rest.probabilities[NONE]:.2f} of none)"
-    elif named_alone(rest):
-        without = "the cause is judged without them"
-    return f"most of the gap is in a few seconds, {where}: look at the logs there; {without}"
-
-
-def named_alone(found: DayRanked) -> bool:
-    """Whether a cause is named, without something else."""
-    return found.verdict == "effect" and not found.something_else
-
-
 def left_over_sentence(left: Mapping[str, Any]) -> str:
     """Where something is left that no catalogued effect explains, in words."""
     most = sorted(left["signals"], key=lambda name: -left["signals"][name])[:2]
@@ -201,12 +194,18 @@ def judged_rest(
         The hypotheses and what they decide; the share of the whole gap that this removes; warnings.
     """
     found = judged_all.found
-    left = found.verdict == UNKNOWN or found.something_else > 0.0
-    if not left or not np.any(odd := odd_blocks(search, found.leading)):
+    if found.verdict != UNKNOWN and not found.something_else:
+        return judged_all, judged_all.shrinks, []
+    usual = usual_blocks(search)
+    odd = usual if np.any(usual) else odd_blocks(search, found.leading)
+    if not np.any(odd):
         return judged_all, judged_all.shrinks, []
     rest = without(search, odd)
     none, others = hypotheses_of(rest, lambda _stage, share: tell("without a few seconds", share))
     again, removed = ranked_hypotheses(rest, none, others, *how)
+    if np.any(usual) and (again.verdict == NONE or named_alone(again)):
+        said = [USUAL.format(stretches_in_words(search, odd))]
+        return Decided(none, others, again, removed), reduction(search, again.leading, again.leading), said
     said = [stretch_sentence(stretches_in_words(search, odd), again)]
     if not named_alone(again):
         return judged_all, judged_all.shrinks, said

@@ -1,4 +1,4 @@
-"""A gap that a few seconds of the logs hold: a cause that acts throughout is judged without them.
+"""Seconds of the logs that hold a gap: a cause that acts throughout is judged without them.
 
 Where a wheel lifts, a car spins or a tyre bursts for a while, a few windows are farther off than any cause explains,
 and what acts in all of the driving is lost among them.
@@ -7,12 +7,18 @@ and what acts in all of the driving is lost among them.
 import numpy as np
 
 from drift_drake.gap.diagnosis.calibrated.changed_car import changed_car
+from drift_drake.gap.estimation.lost_blocks import as_often, lost_blocks
 from drift_drake.gap.estimation.scores import block_scores
 from drift_drake.gap.evidence.hypotheses import Hypothesis
+from drift_drake.gap.evidence.posterior import NONE
+from drift_drake.gap.evidence.ranking import DayRanked
 from drift_drake.gap.evidence.search import Search
 
 MOST = 0.2  # share of the blocks of time that a gap may be held by, to be one of a few seconds
 HELD = 0.7  # share of the gap that they hold then; both were set on a van whose wheel locks (validation)
+USUAL = (
+    "no prediction follows the car in {}, as in about as much of its baseline: it is judged by the rest of its driving"
+)
 
 
 def odd_blocks(search: Search, h: Hypothesis) -> np.ndarray:
@@ -26,6 +32,14 @@ def odd_blocks(search: Search, h: Hypothesis) -> np.ndarray:
     if held[most].sum() >= HELD * held.sum() > 0.0:
         out[most] = held[most] > np.mean(held)
     return out
+
+
+def usual_blocks(search: Search) -> np.ndarray:
+    """Blocks [blocks] (bool) that no prediction follows, if the baseline has as many of these; else none."""
+    day, normal = search.day, search.normal
+    lost = lost_blocks(day.errors, normal.offset, normal.scales, day.block)
+    usual = as_often(int(lost.sum()), day.blocks, normal.lost, normal.blocks + normal.lost)
+    return lost if usual else np.zeros_like(lost)
 
 
 def without(search: Search, odd: np.ndarray) -> Search:
@@ -42,3 +56,18 @@ def stretches_in_words(search: Search, odd: np.ndarray) -> str:
         if len(times):
             out.append(f"{run.name} between {times.min():.1f} and {times.max() + run.horizons[-1]:.1f} s")
     return ", ".join(out)
+
+
+def stretch_sentence(where: str, rest: DayRanked) -> str:
+    """That a few seconds hold most of a gap, and what is said without them."""
+    without = "without them no cause is named either"
+    if rest.verdict == NONE:
+        without = f"without them these logs show no gap (probability {rest.probabilities[NONE]:.2f} of none)"
+    elif named_alone(rest):
+        without = "the cause is judged without them"
+    return f"most of the gap is in a few seconds, {where}: look at the logs there; {without}"
+
+
+def named_alone(found: DayRanked) -> bool:
+    """Whether a cause is named, without something else."""
+    return found.verdict == "effect" and not found.something_else

@@ -6,7 +6,14 @@ import re
 import numpy as np
 import pytest
 
-from drift_drake.gap.diagnosis.calibrated.one_stretch import MOST, odd_blocks, stretches_in_words, without
+from drift_drake.gap.diagnosis.calibrated.one_stretch import (
+    MOST,
+    odd_blocks,
+    stretches_in_words,
+    usual_blocks,
+    without,
+)
+from drift_drake.gap.evidence.search import Search
 
 FIRST, LAST = 2.0, 4.0  # [s] of a run
 
@@ -51,6 +58,34 @@ def test_without_them_the_day_is_as_it_was(search, odd_search):
     assert [run.name for run in gone.day.runs] == [run.name for run in odd_search.day.runs[1:]]
 
 
+def test_seconds_that_no_prediction_follows_are_usual_where_the_baseline_has_as_many(odd_search):
+    assert not np.any(usual_blocks(odd_search))  # the baseline has none
+    day, normal = odd_search.day, dataclasses.replace(odd_search.normal, lost=2)
+    usual = usual_blocks(Search(day, normal, odd_search.vehicle, list(odd_search.ranges)))
+    t = day.runs[0].starts * day.runs[0].period
+    far = np.unique(day.block[: len(t)][(t >= FIRST) & (t < LAST)])
+    assert np.count_nonzero(usual) >= 1
+    assert set(np.flatnonzero(usual)) <= set(far)
+
+
+def lost_commands(other_car, effect):
+    """Runs of a later day; the logger did not get the commands of the first one from 1 s on."""
+    first, *others = (
+        dataclasses.replace(run, name=f"run_{k}")
+        for k, run in enumerate([*other_car.day(effect, 1), *other_car.day(effect, 2)])
+    )
+    lost = first.t - first.t[0] >= 1.0
+    commands = {name: np.where(lost, 0.0, getattr(first, name)) for name in ("delta_cmd", "tau_cmd")}
+    return [dataclasses.replace(first, **commands), *others]
+
+
+def test_they_are_no_change_where_the_baseline_has_as_many(other_car, diagnosed):
+    found = diagnosed(lost_commands(other_car, {}), "usual", lost=2)
+    assert found.answer.verdict == "none"
+    (said,) = [w for w in found.answer.warnings if "no prediction follows" in w]
+    assert "in run_0 between" in said
+
+
 @pytest.mark.parametrize(
     ("effect", "causes", "verdict", "ends"),
     [
@@ -59,15 +94,9 @@ def test_without_them_the_day_is_as_it_was(search, odd_search):
     ],
 )
 def test_what_the_rest_shows_is_said_and_the_seconds_are_reported(other_car, diagnosed, effect, causes, verdict, ends):
-    first, *others = (
-        dataclasses.replace(run, name=f"run_{k}")
-        for k, run in enumerate([*other_car.day(effect, 1), *other_car.day(effect, 2)])
-    )
-    lost = first.t - first.t[0] >= 1.0  # commands that the logger did not get
-    commands = {name: np.where(lost, 0.0, getattr(first, name)) for name in ("delta_cmd", "tau_cmd")}
-    found = diagnosed([dataclasses.replace(first, **commands), *others], f"lost {verdict}")
+    found = diagnosed(lost_commands(other_car, effect), f"lost {verdict}")
     assert (found.answer.verdict, found.answer.causes) == (verdict, causes)
     (said,) = [w for w in found.answer.warnings if "in a few seconds" in w]
-    assert f"{first.name} between" in said
+    assert "run_0 between" in said
     assert re.search(f"{ends}$", said)
     assert found.answer.details["left_over"]["probability"] > 0.5

@@ -25,9 +25,8 @@ SLIP_SOFTENING = 5.0  # [m/s], likewise
 # course [rad], and the rear rim's slip over the ground [m/s].
 ENDS = (({0: 1.0}, 0.2), ({2: 1.0}, 0.05), ({5: 1.0}, 0.1), ({3: 1.0, 1: -1.0}, 2.0))
 END_SOFTENING = 0.3  # of a limit that costs as much as 1 m over the lane's edge
-# What a plan is to tell: l_info of eq. (9); the same with the covariance updated along the horizon; of drifts to come;
-# of what the control along the figure-8 will need.
-Objective = Literal["eq8", "updated", "drifts", "reference"]
+# What a plan is to tell: l_info of eq. (9); the same with the covariance updated along the horizon; of drifts to come.
+Objective = Literal["eq8", "updated", "drifts"]
 NARROWEST = 0.5  # half width of a lane that bends, of its radius
 LONGEST_DRIVE = 600.0  # [s] on a track
 

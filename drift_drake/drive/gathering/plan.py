@@ -17,7 +17,6 @@ from drift_drake.drive.gathering.config import (
     lane_data,
     positions,
 )
-from drift_drake.drive.gathering.control_information import ControlInformation, figure_8_task
 from drift_drake.drive.gathering.information import (
     InformationCost,
     PredictiveInformation,
@@ -28,7 +27,7 @@ from drift_drake.drive.learnt.checkpoint import BayesianModel, InvalidCheckpoint
 from drift_drake.drive.learnt.features import Expansions
 from drift_drake.drive.learnt.posterior import Posterior, weighed
 from drift_drake.drive.learnt.quality import step_model
-from drift_drake.drive.mpc.ocp import OcpWeights, OptimalControlProblem
+from drift_drake.drive.mpc.ocp import OptimalControlProblem
 from drift_drake.drive.mpc.sqp import LineSearchSqp, SqpOptions, SqpResult
 from drift_drake.drive.mpc.tightening import lateral_deviation, tightened
 from drift_drake.drive.qp.qp import QpOptions
@@ -244,9 +243,6 @@ def information_cost(
     Raises:
         InvalidCheckpointError: the model does not know where it is to predict.
     """
-    if objective == "reference":
-        believed, task, weights = step_model(model, belief), figure_8_task(model.vehicle), OcpWeights().state()
-        return ControlInformation(model, believed, belief.covariance, task, weights, alpha, expansions)
     if objective != "drifts":
         kind = UpdatedInformation if objective == "updated" else StageInformation
         return kind(model.network, weighed(belief.covariance, model.sample_weight), alpha, expansions)

@@ -69,8 +69,8 @@ def test_a_lane_is_narrowed_by_what_is_not_known_of_the_car(model: BayesianModel
     assert np.abs(narrow.x[:, 4]).max() < 0.5 * np.abs(free.x[:, 4]).max()
     a, b = (plan_drive(model, known, dataclasses.replace(slim, tightening=kappa), 0.0) for kappa in (0.0, 1.0))
     np.testing.assert_allclose(a.x, b.x, atol=0.02)
-    with pytest.raises(InvalidOptionError, match="tightening is 1; give 0 or more, and above 0 no replan"):
-        GatheringConfig(tightening=1.0, replan=0.5)
+    with pytest.raises(InvalidOptionError, match="tightening is -1; give 0 or more"):
+        GatheringConfig(tightening=-1.0)
 
 
 def test_the_ocp_drives_straight_and_info_ocp_does_not(ocp: Trajectory, info: Trajectory) -> None:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from drift_drake.car.compilation import compiled
-from drift_drake.car.effects.delays import DELAYS, HASTENERS, command_delays
+from drift_drake.car.effects.delays import DELAYS, HASTENERS, LATE, command_delays, sensor_delay
 from drift_drake.car.effects.magnitudes import Effects
 from drift_drake.car.single_track.motion_with_effects import road_wheel, steering_rate
 
@@ -79,10 +79,10 @@ def actuated(
             had settled; period: time between rows [s]; effects: magnitudes.
     """
     step = period / STAGES
-    late_delta, late_torque = command_delays(effects)
+    (late_delta, late_torque), late = command_delays(effects), sensor_delay(effects)
     first = float(road_wheel(before[0], effects))
-    delta = delayed(road_wheel(delta_cmd, effects), first, period, late_delta + effects.sensor_latency)
-    torque = delayed(tau_cmd, before[1], period, late_torque + effects.sensor_latency)
+    delta = delayed(road_wheel(delta_cmd, effects), first, period, late_delta + late)
+    torque = delayed(tau_cmd, before[1], period, late_torque + late)
     if effects.steering_rate_limit > 0.0:
         delta = limited_steering(delta, first, step, effects)
     elif effects.steering_lag > 0.0:
@@ -94,5 +94,5 @@ def actuated(
 
 def without_actuators(effects: Effects) -> Effects:
     """The effects that are left once `actuated` has taken those of the commands."""
-    taken = ("steering_ratio_error", "steering_lag", "steering_rate_limit", "torque_lag", "sensor_latency")
-    return effects._replace(**dict.fromkeys((*taken, *DELAYS, *HASTENERS), 0.0))
+    taken = ("steering_ratio_error", "steering_lag", "steering_rate_limit", "torque_lag")
+    return effects._replace(**dict.fromkeys((*taken, *DELAYS, *HASTENERS, *LATE), 0.0))

@@ -154,12 +154,17 @@ def _diagnose_one(command: Diagnose, vehicle: CarParameters, options: Mapping[st
 
 
 def _report(command: Diagnose, diagnosis: "Diagnosis | ChangeDiagnosis", path: Path) -> None:
-    from drift_drake.gap.diagnosis.reports.any_report import report
+    from drift_drake.gap.diagnosis.calibrated.diagnose_change import ChangeDiagnosis
+    from drift_drake.gap.diagnosis.reports import change_report, report
     from drift_drake.view.pages.page import Source
 
     said = command_line("diagnose", command, "case")
     answer = None if command.json == STANDARD_OUTPUT else command.json
-    report(diagnosis, path, Source(said, command.case, command.vehicle, command.calibration, answer))
+    source = Source(said, command.case, command.vehicle, command.calibration, answer)
+    if isinstance(diagnosis, ChangeDiagnosis):
+        safe_files.write_text(path, change_report.report_html(diagnosis, source))
+    else:
+        safe_files.write_text(path, report.report_html(diagnosis, source))
 
 
 def _diagnose_many(

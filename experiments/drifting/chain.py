@@ -68,7 +68,7 @@ def gathered(car: TrueCar, learnt: BayesianModel, config: ChainConfig) -> list[p
     plan = first = plan_drive(learnt, belief, gathering, gathering.alpha)
     for seed in (config.seed, SECOND_ROUND + config.seed):
         plant = true_plant(car, Effects(), lane(gathering).path)
-        table, _ = gather(plan, Effects(), VehicleParameters(), gathering, seed, plant, (learnt, belief))
+        table, _ = gather(plan, Effects(), VehicleParameters(), gathering, seed, plant)
         tables.append(table)
         belief = learn_drive(learnt, belief, table, gathering)
         try:

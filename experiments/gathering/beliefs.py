@@ -80,13 +80,13 @@ def gather_beliefs(job: GatherJob) -> Taught:
     learnt, config, prior = job.learnt, job.config, job.learnt.prior()
     seed, beliefs, lags = job.attempt[1], dict[str, Posterior](), dict[str, Array]()
 
-    def drive(trajectory: Trajectory, drive_seed: int, before: Posterior) -> pd.DataFrame:
+    def drive(trajectory: Trajectory, drive_seed: int) -> pd.DataFrame:
         plant = true_plant(job.car, job.effects, lane(config).path)
-        table, _ = gather(trajectory, job.effects, VehicleParameters(), config, drive_seed, plant, (learnt, before))
+        table, _ = gather(trajectory, job.effects, VehicleParameters(), config, drive_seed, plant)
         return table
 
     if "once_ocp" in job.wanted:
-        beliefs["once_ocp"] = learn_drive(learnt, prior, drive(job.ocp, seed, prior), config)
+        beliefs["once_ocp"] = learn_drive(learnt, prior, drive(job.ocp, seed), config)
     if not job.wanted & {"once_info", "twice_info", *ASKED}:
         return Taught(beliefs, None)
 
@@ -102,7 +102,7 @@ def gather_beliefs(job: GatherJob) -> Taught:
         counts = {name: count for name, count in ASKED.items() if name in job.wanted and count <= len(driven)}
         return {name: ask(runs_of(driven[:count]), learnt.vehicle).found for name, count in counts.items()}
 
-    driven = [drive(job.info, seed, prior)]
+    driven = [drive(job.info, seed)]
     surprise = float(np.mean(squared_distances(learnt, prior, drive_samples(driven[0], config))))
     once = learn_drive(learnt, prior, driven[0], config)
     print_row("once_info", driven, once)
@@ -111,7 +111,7 @@ def gather_beliefs(job: GatherJob) -> Taught:
             second = plan_again(learnt, once, job.info, config)
         except InfeasiblePlanError:
             return Taught(beliefs, surprise, asked(), lags)
-        driven.append(drive(second, SECOND_ROUND + seed, once))
+        driven.append(drive(second, SECOND_ROUND + seed))
         print_row("twice_info", driven, learn_drive(learnt, once, driven[1], config))
     return Taught(beliefs, surprise, asked(), lags)
 

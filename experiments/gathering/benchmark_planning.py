@@ -1,10 +1,9 @@
-"""How long a plan of a lane drive takes: OCP, Info-OCP's first, a later and a replanned one, and an iteration of each.
+"""How long a plan of a lane drive takes: OCP, Info-OCP's first and a later one, and an iteration of each.
 
     python -m experiments.gathering.benchmark_planning
 
 On validation vehicles: the straight drive, the first informative one, and the one planned with what driving that has
-taught; and what is planned again in the middle of the first drive, half a second after it was planned last. CPU times
-of one thread, the four in turn.
+taught. CPU times of one thread, the three in turn.
 """
 
 import dataclasses
@@ -12,23 +11,20 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
-from unittest import mock
 
 import numpy as np
 
 from diagrams.command import run_command
-from drift_drake.car.effects.magnitudes import Effects
 from drift_drake.common.run_folder import machine
 from drift_drake.drive.gathering.config import GatheringConfig
-from drift_drake.drive.gathering.gather import gather, learn_drive, plan_rest
+from drift_drake.drive.gathering.gather import gather, learn_drive
 from drift_drake.drive.gathering.plan import Trajectory, plan_again, plan_drive
 from drift_drake.drive.learnt.checkpoint import load_model
 from drift_drake.drive.mpc.sqp import LineSearchSqp
 from experiments.benchmarks.vehicles import draw_effects
 from experiments.made import RunConfig, begun, tabulated, write_results
 
-PLANS = ("OCP", "Info-OCP, first", "Info-OCP, later", "Info-OCP, replanned")
-REPLAN = 0.5  # [s] from one plan to the next
+PLANS = ("OCP", "Info-OCP, first", "Info-OCP, later")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -71,7 +67,7 @@ def timed(plan: Callable[[], Trajectory]) -> tuple[dict[str, float], Trajectory]
 
 
 def vehicle(index: int, config: BenchmarkConfig, gathering: GatheringConfig) -> dict[str, dict[str, float]]:
-    """The four plans of one vehicle, in numbers."""
+    """The plans of one vehicle, in numbers."""
     model = load_model()
     prior, effects = model.prior(), draw_effects("validation", index, config.vehicle_seed)
     straight, _ = timed(lambda: plan_drive(model, prior, gathering, 0.0))
@@ -79,22 +75,7 @@ def vehicle(index: int, config: BenchmarkConfig, gathering: GatheringConfig) -> 
     table, _ = gather(informative, effects, model.vehicle, gathering, index)
     belief = learn_drive(model, prior, table, gathering)
     later, _ = timed(lambda: plan_again(model, belief, informative, gathering, index))
-    return dict(zip(PLANS, (straight, first, later, replanned(informative, effects, gathering, index)), strict=True))
-
-
-def replanned(first: Trajectory, effects: Effects, gathering: GatheringConfig, seed: int) -> dict[str, float]:
-    """The plan made in the middle of the first drive, where that is replanned, in numbers."""
-    model, found = load_model(), []
-
-    def kept(*arguments: Any) -> Trajectory:
-        numbers, plan = timed(lambda: plan_rest(*arguments))
-        found.append(numbers)
-        return plan
-
-    with mock.patch("drift_drake.drive.gathering.gather.plan_rest", kept):
-        config = dataclasses.replace(gathering, replan=REPLAN)
-        gather(first, effects, model.vehicle, config, seed, learning=(model, model.prior()))
-    return found[len(found) // 2]
+    return dict(zip(PLANS, (straight, first, later), strict=True))
 
 
 def table(numbers: dict[str, Any]) -> str:

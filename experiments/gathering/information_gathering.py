@@ -1,11 +1,10 @@
 """Information gathering on held-out vehicles: the paper's Table I, and whether informative drives teach drifting.
 
     python -m experiments.gathering.information_gathering --drives runs/drives
-    python -m experiments.gathering.information_gathering --gathering.lane track --gathering.replan 0.5 --rounds 2
 
 Each vehicle is driven for 4.5 s at a time along the same lane: the OCP's plan (Once-OCP), rounds of Info-OCP (the first
 two are Once-Info and Twice-Info), and two baselines that need no information objective, random steering and a slalom by
-hand. On a track, drives are longer, and there are no baselines. Every model is judged by its covariance norms and by
+hand. Every model is judged by its covariance norms and by
 its error on the vehicle's own drifting drives, of which it has seen nothing. Broken off, the experiment goes on with
 the vehicles that are missing (give --out).
 """
@@ -181,10 +180,11 @@ class _Vehicle:
         generator = np.random.default_rng([config.seed, self._index])
         result: dict[str, Any] = {"vehicle": self._index, "prior": self.judge(prior)}
         tables: dict[str, pd.DataFrame] = {}
-        driven = {"Once-OCP": shared.ocp}
-        if config.gathering.lane == "open":  # on a track they would be planned again, which makes OCP's drive of them
-            driven["random steering"] = random_steering(shared.ocp, config.gathering, generator)
-            driven["slalom"] = shared.slalom
+        driven = {
+            "Once-OCP": shared.ocp,
+            "random steering": random_steering(shared.ocp, config.gathering, generator),
+            "slalom": shared.slalom,
+        }
         for name, trajectory in driven.items():
             _, result[name], tables[name] = self.drive(prior, trajectory, config.seed)
         belief, trajectory, result["rounds"] = prior, shared.info, []

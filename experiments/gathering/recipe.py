@@ -11,7 +11,7 @@ from drift_drake.common.errors import InvalidOptionError
 from drift_drake.drive.gathering.config import GatheringConfig, lane
 from drift_drake.drive.learnt.checkpoint import paper_checkpoint
 from drift_drake.drive.qp.qp import QpMethod
-from drift_drake.drive.reference.trajectory import Reference, circle
+from drift_drake.drive.reference.trajectory import Reference, straight_line
 
 PAPER_ALPHA = 4.0  # [1/nat] of the paper's recipe; chosen by `experiments.gathering.alpha`
 
@@ -80,7 +80,5 @@ class Recipe:
 
 def lane_for_pictures(config: GatheringConfig, tables: Iterable[pd.DataFrame]) -> Reference:
     """The lane, as long as the farthest of drives: one that is faster than the reference leaves its end behind."""
-    if config.lane == "track":
-        return lane(config)
     farthest = max(lane(config).distance, *(float(table["s"].max()) for table in tables))
-    return circle(config.v_end, config.v_end, farthest / config.v_end, config.curvature, config.half_width)
+    return straight_line(config.v_end, config.v_end, farthest / config.v_end, config.half_width)

@@ -36,7 +36,6 @@ PARTS = {
     ),
     "gathering": (
         "drive/gathering/information",
-        "drive/gathering/control_information",
         "gap/choose/choice",
         "drive/gathering/plan",
     ),

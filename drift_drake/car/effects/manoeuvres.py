@@ -12,14 +12,3 @@ SPINNING = "full throttle straight on until the driven wheels spin, in the basel
 
 MANOEUVRES = (SWEEPS, CIRCLES, THROTTLE, COASTING, STANDING, FULL_CIRCLES, BOTH_WAYS, DRIFTS)
 """In the order in which they are proposed."""
-
-TELLS_APART = {
-    frozenset(("steering_delay", "steering_lag")): SWEEPS,
-    frozenset(("torque_gain_error", "mass_error")): SPINNING,
-    frozenset(("rolling_resistance", "drivetrain_friction")): SPINNING,
-    frozenset(("rolling_resistance", "aero_drag")): COASTING,
-    frozenset(("drivetrain_friction", "aero_drag")): COASTING,
-}
-"""Effects that act alike in most driving, and the manoeuvre that tells them apart. A lag loses more of a fast sweep
-than a delay does; the rims' acceleration when they spin is torque and friction at the axle, whatever the body weighs
-and the road resists; drag falls with the square of the speed."""

@@ -7,6 +7,7 @@ own where it has a `rate`: that state is then their last argument.
 """
 
 import dataclasses
+from collections.abc import Mapping
 from typing import Any, Literal, NamedTuple, Protocol, get_args
 
 from drift_drake.car.parameters import Constants, VehicleParameters
@@ -87,6 +88,17 @@ def uniform(low: float, high: float) -> Distribution:
     return Distribution(0.5 * (low + high), float("inf"), low, high)
 
 
+class ParameterChange(NamedTuple):
+    """What an effect of magnitude q does to a car's parameter: times (1 + sign q), or plus sign q where it is a length.
+
+    The parameter has the name that a simulator file's `meaning` gives it.
+    """
+
+    meaning: str
+    sign: float = 1.0
+    relative: bool = True
+
+
 @dataclasses.dataclass(frozen=True)
 class Effect:
     """One effect: unit, practical range, where it acts and what it needs to be seen.
@@ -122,6 +134,8 @@ class Effect:
     of_tyres_or_body: bool = False  # which the equations have in their own way: what it is worth differs by the driving
     varies: bool = False  # by less than a gap from one recording to the next, without anybody touching the car
     shown_by: str = ""  # the manoeuvre that shows it; a text of `effects.manoeuvres` joins its group
+    told_from: Mapping[str, str] = dataclasses.field(default_factory=dict)
+    """Effects that act alike in most driving, and the manoeuvre that tells them from this one."""
     factor: bool = False  # something is multiplied by 1 + q, which stays above zero
     share: bool = False  # of the friction that it takes: below one
     possible: tuple[float, float] | None = None  # [unit] that a vehicle can have; else several times the range
@@ -140,6 +154,9 @@ class Effect:
     drawn_out_of_distribution: Distribution | None = (
         None  # of vehicles out of that distribution, where `drawn` has none
     )
+    changes: tuple[ParameterChange, ...] = ()  # of a simulator's parameters, by which it acts there
+    any_of_them: bool = False  # one of these parameters is enough for
+    by_torque: bool = False  # that another command to the engine does, too
     since: int = 1  # version of the package's own catalogue, by which vectors of magnitudes are ordered
     force: Force | None = None  # on the body
     actuation: Actuation | None = None  # of the commands

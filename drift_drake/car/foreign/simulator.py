@@ -21,37 +21,8 @@ from drift_drake.car.single_track.motion_with_effects import changed_constants
 Kind = Literal["python", "drake", "fmu"]
 
 
-class ParameterChange(NamedTuple):
-    """What an effect of magnitude q does to a parameter: times (1 + sign q), or plus sign q where it is a length."""
-
-    meaning: str
-    sign: float = 1.0
-    relative: bool = True
-
-
-CHANGES: dict[str, tuple[ParameterChange, ...]] = {
-    "mass_error": (ParameterChange("mass"),),
-    "yaw_inertia_error": (ParameterChange("yaw_inertia"),),
-    "cg_shift": (
-        ParameterChange("front_axle_distance", 1.0, False),
-        ParameterChange("rear_axle_distance", -1.0, False),
-    ),
-    "friction_level": (
-        ParameterChange("friction"),
-        ParameterChange("front_friction"),
-        ParameterChange("rear_friction"),
-    ),
-    "front_rear_friction_split": (ParameterChange("front_friction"), ParameterChange("rear_friction", -1.0)),
-    "front_stiffness_error": (ParameterChange("front_stiffness"),),
-    "rear_stiffness_error": (ParameterChange("rear_stiffness"),),
-    "longitudinal_stiffness_error": (ParameterChange("longitudinal_stiffness"),),
-    "drivetrain_inertia_error": (ParameterChange("rear_axle_inertia"),),
-    "tyre_relaxation": (ParameterChange("tyre_relaxation", 1.0, False),),
-}
-"""Effects that act through a simulator's parameters, whichever of these it has."""
-ANY_OF = ("friction_level", "cg_shift")  # that one of them is enough for
-MEANINGS = tuple(dict.fromkeys(change.meaning for changes in CHANGES.values() for change in changes))
-THROUGH_TORQUE = ("torque_gain_error", "drivetrain_friction")  # that a command to the engine can do too
+MEANINGS = tuple(dict.fromkeys(change.meaning for effect in CATALOGUE.values() for change in effect.changes))
+"""Of a simulator's parameters, that effects act through."""
 STEERING, TORQUE = ("steering", "torque")
 FORCES = ("force_x", "force_y", "yaw_moment")
 
@@ -91,17 +62,16 @@ class Simulator:
     @cached_property
     def lacking(self) -> dict[str, str]:
         """Effects that it cannot have, and why."""
-        found = {name: self._why_not(name, effect) for name, effect in CATALOGUE.items()}
+        found = {name: self._why_not(effect) for name, effect in CATALOGUE.items()}
         return {name: why for name, why in found.items() if why}
 
-    def _why_not(self, name: str, effect: Effect) -> str:
+    def _why_not(self, effect: Effect) -> str:
         """What it lacks for an effect; empty where it can have it."""
         if effect.rate is not None:
             return "it has a state of its own, which a simulator of yours cannot be given"
-        if name in CHANGES:
-            asked = [change.meaning for change in CHANGES[name]]
-            lacks = [one for one in asked if one not in self.meaning]
-            enough = len(lacks) < len(asked) if name in ANY_OF else not lacks
+        if effect.changes:
+            lacks = [change.meaning for change in effect.changes if change.meaning not in self.meaning]
+            enough = len(lacks) < len(effect.changes) if effect.any_of_them else not lacks
             return "" if enough else f"no parameter is said to be {' or '.join(lacks)}"
         if effect.force is not None:
             lacks = [one for one in forces_of(effect) if one not in self.inputs]
@@ -110,7 +80,7 @@ class Simulator:
             lacks = [one for one in effect.needs if one not in ("psi", "r") and not self.gives(one)]
             return f"no output {' and '.join(lacks)}" if lacks else ""
         # Every simulator has inputs for both commands.
-        around = name in THROUGH_TORQUE or effect.stage in ("actuator", "command")
+        around = effect.by_torque or effect.stage in ("actuator", "command")
         return "" if around else "it is inside the simulator's equations"
 
     def gives(self, channel: str) -> bool:
@@ -144,7 +114,7 @@ class Simulator:
 
     @property
     def FOLDED(self) -> tuple[str, ...]:  # noqa: N802
-        return tuple(name for name in CATALOGUE if name in PARAMETRIC or name in CHANGES)
+        return tuple(name for name, effect in CATALOGUE.items() if name in PARAMETRIC or effect.changes)
 
     def value_of(self, name: str, constants: "SimulatorConstants") -> float:
         """A parameter by its name."""
@@ -161,9 +131,9 @@ class Simulator:
     def changed_constants(self, constants: "SimulatorConstants", effects: Effects) -> "SimulatorConstants":
         """The car with the effects that change its parameters."""
         values = dict(zip(self.parameters, constants.values, strict=True))
-        for name, changes in CHANGES.items():
+        for name, effect in CATALOGUE.items():
             q = float(getattr(effects, name))
-            for change in changes if q else ():
+            for change in effect.changes if q else ():
                 for own in self.meaning.get(change.meaning, ()):
                     by = change.sign * q
                     values[own] = values[own] * (1.0 + by) if change.relative else values[own] + by

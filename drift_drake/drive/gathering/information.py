@@ -220,8 +220,14 @@ def own_blocks(rows: Array) -> Array:
     return rows.reshape(count, states, states, -1)[:, range(states), range(states)]
 
 
-class NarrowingCost(InformationCost):
-    """-alpha 1/2 mean log(v before / v after) as a `StageCost`, v linear in what is left of the covariance.
+class PredictiveInformation(InformationCost):
+    """-alpha l_pred as a `StageCost`, for plans that teach one thing, drifting, above all.
+
+        l_pred = 1/2 mean_t sum_i log(v_ti before / v_ti after),   v_ti = 1 + phi_i(z_t)' Lambda_i^{-1} phi_i(z_t)
+
+    is how many nats a drive tells of the next step at points z_t where the car will be used: the expected predictive
+    information gain of Bickford Smith et al. ("Prediction-oriented Bayesian active learning", 2023), which for a
+    Gaussian belief depends on where one drives, not on what one measures.
 
     The gradient is exact. The second derivatives along dPhi_k = D_a, D_b are those of -1/2 tr(W A) with the weights W,
     each v's share over v, held where they are, A = (Lambda + sum_k Phi_k' Phi_k)^{-1} and B = A W A:
@@ -233,65 +239,6 @@ class NarrowingCost(InformationCost):
         network, alpha, expansions: see `InformationCost`.
         covariance: Lambda^{-1} before the drive [64, 64].
         sample_weight: of one sample in the posterior, by state [4].
-    """
-
-    count: int = 1
-    """What the sum is divided by."""
-
-    def __init__(
-        self,
-        network: Network,
-        covariance: Array,
-        sample_weight: Array,
-        alpha: float,
-        expansions: Expansions | None = None,
-    ) -> None:
-        # As if samples counted in full: the covariance is scaled by their weight, and what is wanted against it.
-        super().__init__(network, weighed(covariance, sample_weight), alpha, expansions)
-        self._before = self.spread(self._covariance)
-        self._last: tuple[Array, tuple[Array, Array]] | None = None  # scratch: see `_left`
-
-    @abstractmethod
-    def spread(self, covariance: Array) -> Array:
-        """What is to be narrowed, v [m], under a covariance [64, 64] (scaled by the samples' weight)."""
-
-    @abstractmethod
-    def wanted(self, spread: Array) -> Array:
-        """W [64, 64], with which tr(W A) is the mean of v under A, each over its `spread`, but for constants."""
-
-    def of_features(self, phi: Array) -> float:
-        return float(0.5 * np.log(self._before / self._left(phi)[1]).sum() / self.count)
-
-    def _left(self, phi: Array) -> tuple[Array, Array]:
-        """(What is left of the covariance A [64, 64], v under it), kept for the same features' derivatives."""
-        last = self._last
-        if last is None or last[0] is not phi:
-            after = inverse(precision_after(self._precision, phi))
-            last = self._last = phi, (after, self.spread(after))
-        return last[1]
-
-    def by_features(self, at: FeatureExpansion) -> ByFeatures:
-        left, spread = self._left(at.phi)
-        weighted = left @ self.wanted(spread) @ left  # B
-        rows, seen = rows_and_products(left, at.phi)
-        weighted_rows, weighted_seen = rows_and_products(weighted, at.phi)
-        ends, weighted_ends = met(at.tangents, rows), met(at.tangents, weighted_rows)
-        second = bent(at.tangents, (np.eye(STATE_COUNT) - seen, weighted), (-weighted_seen, left))
-        across = crossed(ends, weighted_ends)
-        return ByFeatures(own_blocks(weighted_rows), second - across - across.swapaxes(1, 2))
-
-
-class PredictiveInformation(NarrowingCost):
-    """-alpha l_pred as a `StageCost`, for plans that teach one thing, drifting, above all.
-
-        l_pred = 1/2 mean_t sum_i log(v_ti before / v_ti after),   v_ti = 1 + phi_i(z_t)' Lambda_i^{-1} phi_i(z_t)
-
-    is how many nats a drive tells of the next step at points z_t where the car will be used: the expected predictive
-    information gain of Bickford Smith et al. ("Prediction-oriented Bayesian active learning", 2023), which for a
-    Gaussian belief depends on where one drives, not on what one measures.
-
-    Args:
-        network, covariance, sample_weight, alpha, expansions: see `NarrowingCost`.
         points: z_t [n, 10], where predictions are wanted.
     """
 
@@ -304,22 +251,36 @@ class PredictiveInformation(NarrowingCost):
         alpha: float,
         expansions: Expansions | None = None,
     ) -> None:
+        # As if samples counted in full: the covariance is scaled by their weight, and what is wanted against it.
+        super().__init__(network, weighed(covariance, sample_weight), alpha, expansions)
         phi = features(network, points) / np.sqrt(sample_weight)[:, None]
-        self._rows, self.count = np.ascontiguousarray(phi.swapaxes(0, 1)), len(points)  # [4, n, 16]
-        super().__init__(network, covariance, sample_weight, alpha, expansions)
+        self._rows, self._count = np.ascontiguousarray(phi.swapaxes(0, 1)), len(points)  # [4, n, 16]
+        self._before = self._spread(self._covariance)
+        self._last: tuple[Array, tuple[Array, Array]] | None = None  # scratch: see `_left`
 
-    def spread(self, covariance: Array) -> Array:
-        """See `NarrowingCost`: v of all states and points [4 n]."""
+    def _spread(self, covariance: Array) -> Array:
+        """v of all states and points [4 n] under a covariance [64, 64] (scaled by the samples' weight)."""
         return (1.0 + np.sum((self._rows @ state_blocks(covariance)) * self._rows, axis=2)).ravel()
 
-    def wanted(self, spread: Array) -> Array:
-        weighted = self._rows / spread.reshape(*self._rows.shape[:2], 1)
-        return block_diagonal(weighted.swapaxes(1, 2) @ self._rows) / self.count
+    def of_features(self, phi: Array) -> float:
+        return float(0.5 * np.log(self._before / self._left(phi)[1]).sum() / self._count)
 
+    def _left(self, phi: Array) -> tuple[Array, Array]:
+        """(What is left of the covariance A [64, 64], v under it), kept for the same features' derivatives."""
+        last = self._last
+        if last is None or last[0] is not phi:
+            after = inverse(precision_after(self._precision, phi))
+            last = self._last = phi, (after, self._spread(after))
+        return last[1]
 
-def feature_rows(phi: Array) -> Array:
-    """Phi [n, 4, 64] of features phi [n, 4, 16]: those of state i in row i, in that state's place."""
-    states = range(phi.shape[1])
-    rows = np.zeros((len(phi), len(states), *phi.shape[1:]))
-    rows[:, states, states] = phi
-    return rows.reshape(len(phi), len(states), -1)
+    def by_features(self, at: FeatureExpansion) -> ByFeatures:
+        left, spread = self._left(at.phi)
+        by_spread = self._rows / spread.reshape(*self._rows.shape[:2], 1)
+        wanted = block_diagonal(by_spread.swapaxes(1, 2) @ self._rows) / self._count  # W
+        weighted = left @ wanted @ left  # B
+        rows, seen = rows_and_products(left, at.phi)
+        weighted_rows, weighted_seen = rows_and_products(weighted, at.phi)
+        ends, weighted_ends = met(at.tangents, rows), met(at.tangents, weighted_rows)
+        second = bent(at.tangents, (np.eye(STATE_COUNT) - seen, weighted), (-weighted_seen, left))
+        across = crossed(ends, weighted_ends)
+        return ByFeatures(own_blocks(weighted_rows), second - across - across.swapaxes(1, 2))

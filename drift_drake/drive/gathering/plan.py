@@ -14,10 +14,8 @@ from drift_drake.drive.gathering.config import (
     Objective,
     bound_end,
     bound_slip,
-    lane_data,
-    positions,
+    problem_data,
 )
-from drift_drake.drive.gathering.control_information import ControlInformation, figure_8_task
 from drift_drake.drive.gathering.information import (
     InformationCost,
     PredictiveInformation,
@@ -28,7 +26,7 @@ from drift_drake.drive.learnt.checkpoint import BayesianModel, InvalidCheckpoint
 from drift_drake.drive.learnt.features import Expansions
 from drift_drake.drive.learnt.posterior import Posterior, weighed
 from drift_drake.drive.learnt.quality import step_model
-from drift_drake.drive.mpc.ocp import OcpWeights, OptimalControlProblem
+from drift_drake.drive.mpc.ocp import OptimalControlProblem
 from drift_drake.drive.mpc.sqp import LineSearchSqp, SqpOptions, SqpResult
 from drift_drake.drive.mpc.tightening import lateral_deviation, tightened
 from drift_drake.drive.qp.qp import QpOptions
@@ -96,8 +94,6 @@ def plan_drive(
         best = _best(solver, more, config.only_converged)
     if config.tightening > 0.0:
         best = _narrowed(problem, solver, model, belief, config, best, lateral)
-    if config.lane == "track":
-        best = _where_it_drives(config, problem, solver, best)
     x, u, _ = problem.unstack(best.z)
     return Trajectory(x, u, best.cost, cost.information(x[:-1], u[:-1], u[1:]), best.status, alpha)
 
@@ -157,7 +153,7 @@ def _narrowed(
     Raises:
         InfeasiblePlanError: there is none.
     """
-    data = lane_data(config, lateral)
+    data = problem_data(config, lateral)
     data = data._replace(x_init=np.append(data.x_init, data.u_init))
     believed = step_model(model, belief, config.path_step)
     for _ in range(NARROWINGS):
@@ -173,34 +169,19 @@ def _narrowed(
     return found
 
 
-def _where_it_drives(
-    config: GatheringConfig, problem: OptimalControlProblem, solver: LineSearchSqp, found: SqpResult
-) -> SqpResult:
-    """A plan on a track, solved again with the bends where it meets them: it need not drive as fast as the reference.
-
-    The plan as it was where that leads to none.
-    """
-    x, u, _ = problem.unstack(found.z)
-    data = lane_data(config, s=positions(config, x))
-    problem.set(data._replace(x_init=x[0], u_init=u[0]))
-    again = solver.solve(found.z, found.y)
-    return found if again.failed or again.primal_residual >= FEASIBLE else again
-
-
 def info_ocp(
     model: BayesianModel,
     belief: Posterior,
     config: GatheringConfig = GatheringConfig(),
     alpha: float | None = None,
     lateral: Array | None = None,
-    along: Array | None = None,
 ) -> OptimalControlProblem:
     """Info-OCP (section III of the paper) along the lane as a MathematicalProgram, with a first guess set.
 
     Args:
         model, belief: what the drive is planned to tell of; config: the lane, the objective and the limits.
         alpha: weight of the information [1/nat]; the config's without, 0 for the plain OCP.
-        lateral: line e(t) [N+1] in m to drive instead of the lane's middle; along: path positions [N+1] in m on tracks.
+        lateral: line e(t) [N+1] in m to drive instead of the lane's middle.
 
     Raises:
         InvalidCheckpointError: the objective is "drifts", and the model names none.
@@ -220,9 +201,9 @@ def info_ocp(
     )
     if config.bounded:
         bound_slip(problem, config)
-    data = lane_data(config, lateral, along)
     if informative and config.ends_straight:
-        bound_end(problem, float(data.curvature[-1]))
+        bound_end(problem)
+    data = problem_data(config, lateral)
     data = data._replace(x_init=np.append(data.x_init, data.u_init))  # the lags are settled
     problem.set(data)
     problem.SetInitialGuessForAllVariables(problem.first_guess(data))
@@ -244,9 +225,6 @@ def information_cost(
     Raises:
         InvalidCheckpointError: the model does not know where it is to predict.
     """
-    if objective == "reference":
-        believed, task, weights = step_model(model, belief), figure_8_task(model.vehicle), OcpWeights().state()
-        return ControlInformation(model, believed, belief.covariance, task, weights, alpha, expansions)
     if objective != "drifts":
         kind = UpdatedInformation if objective == "updated" else StageInformation
         return kind(model.network, weighed(belief.covariance, model.sample_weight), alpha, expansions)

@@ -24,7 +24,7 @@ from drift_drake.car.step_model import CURVATURE_STEP, CostExpansion, StepModel,
 from drift_drake.common.arrays import Array
 from drift_drake.drive.learnt.checkpoint import BayesianModel
 from drift_drake.drive.learnt.command_lag import LAG, TIME_STEP, CommandLag, lag_factors
-from drift_drake.drive.learnt.compiled_step import Lags, curved_steps, linearized_steps, steps, trapezoid_path
+from drift_drake.drive.learnt.compiled_step import Lags, curved_steps, linearized_steps, steps
 from drift_drake.drive.learnt.features import (
     MEAN_COUNT,
     STATE_COUNT,
@@ -158,14 +158,6 @@ class BayesianStepModel(StepModel):
         linearized_steps(points, g + self._offset, slope, self._nominal, self._lag, self._trapezoid, x_next,
                           jacobian)  # fmt: skip
         return x_next, jacobian[:, :, :8], jacobian[:, :, 8:10], jacobian[:, :, 10:]
-
-    def disturbance(self, x: Array, u: Array, u_next: Array, curvature: Array) -> Array:
-        """How an error of the learnt states' step enters x_{k+1}: its derivative by g [n, 8, 4]."""
-        enters = np.zeros((len(x), 8, STATE_COUNT))
-        enters[:, range(STATE_COUNT), range(STATE_COUNT)] = 1.0
-        if self._trapezoid:
-            enters[:, 4:6] = trapezoid_path(x, self.step(x, u, u_next, curvature), curvature)[2]
-        return enters
 
     def weighted_curvature(self, x: Array, u: Array, u_next: Array, curvature: Array, weights: Array) -> Array:
         """See `StepModel`.

@@ -19,27 +19,6 @@ from drift_drake.drive.learnt.features import STATE_COUNT
 PLACE_IN_Z = (0, 1, 2, 3, -1, -1, 8, 9, 4, 5, 6, 7)  # of each of (x, u, u_next); none of e and dphi
 
 
-def trapezoid_path(x: Array, x_next: Array, curvature: Array) -> tuple[Array, Array, Array]:
-    """(e, dphi) [n, 2] at the end of a step whose first four states are known at both ends, and its derivatives.
-
-    Returns:
-        ((e, dphi) [n, 2], derivative by x at fixed x_next[:4] [n, 2, 6], derivative by x_next[:4] [n, 2, 4]).
-    """
-    count = x.shape[0]
-    path, by_state, by_next = np.empty((count, 2)), np.zeros((count, 2, 6)), np.zeros((count, 2, 4))
-    _trapezoid_points(np.ascontiguousarray(x), np.ascontiguousarray(x_next), np.ascontiguousarray(curvature), path,
-                      by_state, by_next)  # fmt: skip
-    return path, by_state, by_next
-
-
-@compiled
-def _trapezoid_points(x: Array, x_next: Array, curvature: Array, path: Array, by_state: Array,
-                      by_next: Array) -> None:  # fmt: skip
-    """Writes `trapezoid_path`'s results into zeroed arrays."""
-    for n in range(x.shape[0]):
-        path[n, 0], path[n, 1] = _trapezoid_point(x[n], x_next[n], curvature[n], by_state[n], by_next[n])
-
-
 @jitable
 def _trapezoid_point(x: Any, x_next: Any, k: Any, by_state: Any, by_next: Any) -> Any:
     """(e, dphi) of one point; writes its derivatives, but for those that are always zero."""

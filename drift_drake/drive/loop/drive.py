@@ -1,6 +1,5 @@
 """One drive of a simulated vehicle: any driver in closed loop with actuator, dither and car, logged at 100 Hz."""
 
-from collections.abc import Callable, Iterable
 from typing import NamedTuple
 
 import numpy as np
@@ -114,19 +113,14 @@ class Drive:
         duration: float,
         seed: int,
         limits: DriveLimits | None = None,
-        pauses: Iterable[float] = (),
-        at_pause: Callable[[Context, pd.DataFrame], str | None] | None = None,
     ) -> tuple[pd.DataFrame, str]:
         """Drives from a state [6] (SI) at s [m] for `duration` [s] or until the limits.
 
         Args:
-            seed: of the sensors' noise; limits: that end it early;
-            pauses: times [s] of rows at which the simulation stands still for `at_pause`, which is given the diagram's
-                Context, to change perhaps, and the rows up to then; where it returns a word, the drive ends by it.
+            seed: of the sensors' noise; limits: that end it early.
 
         Returns:
-            (a row each 0.01 s: the log format's columns, and e, dphi, s; how it ended: "time", what limit, or a word of
-            `at_pause`).
+            (a row each 0.01 s: the log format's columns, and e, dphi, s; how it ended: "time", or what limit).
         """
         limits = limits or DriveLimits()
         context = self.diagram.CreateDefaultContext()
@@ -145,14 +139,5 @@ class Drive:
 
         simulator = make_simulator(self.diagram, context, (plant, reason))
         simulator.Initialize()
-        ending = ""
-        for time in pauses:
-            ending = simulator.AdvanceTo(LOG_PERIOD * round(time / LOG_PERIOD)).message()  # the row's time to the bit
-            if ending:
-                break
-            assert at_pause is not None
-            ending = at_pause(context, self._logs.table(context)) or ""
-            if ending:
-                break
-        ending = ending or simulator.AdvanceTo(duration).message() or "time"
+        ending = simulator.AdvanceTo(duration).message() or "time"
         return self._logs.table(context), ending

@@ -1,10 +1,7 @@
 """A low-level controller that executes a planned trajectory: feedforward of the plan plus feedback of the state."""
 
-from typing import NamedTuple
-
 import numpy as np
-from pydrake.common.value import AbstractValue
-from pydrake.systems.framework import AbstractParameterIndex, Context, LeafSystem
+from pydrake.systems.framework import Context, LeafSystem
 
 from drift_drake.car.step_model import StepModel
 from drift_drake.common.arrays import Array
@@ -42,22 +39,12 @@ def lqr_gains(a: Array, b: Array) -> Array:
     return gains
 
 
-class Tracked(NamedTuple):
-    """A trajectory to follow, and how."""
-
-    x: Array  # states [N+1, 6]
-    u: Array  # inputs [N+1, 2]
-    gains: Array  # [N, 2, 6], see `tracking_gains`
-    start: float = 0.0  # [s]
-
-
 class TrackingController(LeafSystem):
-    """Follows a trajectory of steps of 0.1 s from its start on; beyond its end the last point is held.
+    """Follows a trajectory of steps of 0.1 s; beyond its end the last point is held.
 
     Input port: measured_state [7] (r, v, beta, omega_r, e, dphi, s).
     Output port: plan [5], of one step as `LinearInterpolationActuator` takes it: the trajectory's commands now and
     a step later, both corrected by the feedback of now.
-    Parameter in the Context: the trajectory; see `follow`.
 
     Args:
         x: states [N+1, 6]; u: inputs [N+1, 2]; gains: [N, 2, 6], see `tracking_gains`.
@@ -65,20 +52,13 @@ class TrackingController(LeafSystem):
 
     def __init__(self, x: Array, u: Array, gains: Array) -> None:
         LeafSystem.__init__(self)
-        tracked = Tracked(np.array(x), np.array(u), np.array(gains))
-        self._tracked = AbstractParameterIndex(self.DeclareAbstractParameter(AbstractValue.Make(tracked)))
+        self._x, self._u, self._gains = np.array(x), np.array(u), np.array(gains)
         self._measured = self.DeclareVectorInputPort("measured_state", 7)
-        given = {self.time_ticket(), self._measured.ticket(), self.abstract_parameter_ticket(self._tracked)}
-        declare_output(self, "plan", plan_size(1), self._plan, given)
-
-    def follow(self, context: Context, tracked: Tracked) -> None:
-        """Puts another trajectory into a Context of this system, to be followed from now on."""
-        context.get_mutable_abstract_parameter(self._tracked).set_value(tracked)
+        declare_output(self, "plan", plan_size(1), self._plan, {self.time_ticket(), self._measured.ticket()})
 
     def _plan(self, context: Context) -> Array:
-        x, u, gains, start = context.get_abstract_parameter(self._tracked).get_value()
-        t = context.get_time() - start
-        error = self._measured.Eval(context)[:6] - interpolate_knots(x, t)
-        correction = interpolate_knots(gains, t) @ error
-        commands = [interpolate_knots(u, t) + correction, interpolate_knots(u, t + DT) + correction]
-        return Plan(context.get_time(), np.array(commands)).vector()
+        t = context.get_time()
+        error = self._measured.Eval(context)[:6] - interpolate_knots(self._x, t)
+        correction = interpolate_knots(self._gains, t) @ error
+        commands = [interpolate_knots(self._u, t) + correction, interpolate_knots(self._u, t + DT) + correction]
+        return Plan(t, np.array(commands)).vector()

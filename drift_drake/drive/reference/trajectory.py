@@ -182,20 +182,15 @@ def straight_line(v_start: float, v_end: float, duration: float, half_width: flo
         >>> straight_line(7.5, 20.0, duration=4.5).path.length  # [m]
         61.875
     """
-    return circle(v_start, v_end, duration, 0.0, half_width)
-
-
-def circle(v_start: float, v_end: float, duration: float, curvature: float, half_width: float = 5.0) -> Reference:
-    """The same round a circle of a curvature [1/m], positive to the left; sideslip and steering are left at zero."""
     if not (v_start > 0.0 and v_end > 0.0 and duration > 0.0):
         raise ValueError(f"speeds ({v_start:g}, {v_end:g}) m/s and duration {duration:g} s must be positive")
     length = 0.5 * (v_start + v_end) * duration
-    path = Path([0.0, length], [curvature, curvature])
+    path = Path([0.0, length], [0.0, 0.0])
     s = np.linspace(0.0, length, math.ceil(length / GRID_SPACING) + 1)
     v = np.sqrt(v_start**2 + (v_end**2 - v_start**2) * s / length)
-    zero, along, lane = np.zeros_like(s), np.full_like(s, curvature), np.full_like(s, half_width)
+    zero, lane = np.zeros_like(s), np.full_like(s, half_width)
     return Reference(
-        path=path, s=s, v=v, beta=zero, r=curvature * v, omega_r=v, curvature=along, delta=zero, tau=zero, e_min=-lane,
+        path=path, s=s, v=v, beta=zero, r=zero, omega_r=v, curvature=zero, delta=zero, tau=zero, e_min=-lane,
         e_max=lane, in_transition=np.zeros(len(s), dtype=bool), distance=length)  # fmt: skip
 
 

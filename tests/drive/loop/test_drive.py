@@ -42,24 +42,6 @@ def test_a_held_drift_goes_on_and_replays(hold: tuple[Drive, np.ndarray]) -> Non
     assert len(samples_from_log(table, None, 0, 0).x) == 15
 
 
-def test_at_its_pauses_a_drive_shows_its_rows_and_goes_on_as_without(hold: tuple[Drive, np.ndarray]) -> None:
-    drive, state = hold
-    shown: list[tuple[float, pd.DataFrame]] = []
-    table, ending = drive.run(
-        state, 0.0, 1.0, 3, pauses=(0.3, 0.7), at_pause=lambda root, rows: shown.append((root.get_time(), rows))
-    )
-    assert ending == "time"
-    assert [time for time, _ in shown] == pytest.approx([0.3, 0.7])
-    for rows, count in zip((rows for _, rows in shown), (31, 71), strict=True):
-        pd.testing.assert_frame_equal(rows, table[:count], check_exact=True)
-    pd.testing.assert_frame_equal(table, drive.run(state, 0.0, 1.0, 3)[0], check_exact=True)
-    shown.clear()
-    drive.run(
-        state, 0.0, 1.0, 3, DriveLimits(max_speed=1.0), (0.3,), lambda root, rows: shown.append((root.get_time(), rows))
-    )
-    assert not shown  # it had ended
-
-
 def test_a_drive_ends_at_its_limits(hold: tuple[Drive, np.ndarray]) -> None:
     drive, state = hold
     table, ending = drive.run(state, 0.0, 1.5, seed=3, limits=DriveLimits(max_speed=1.0))

@@ -10,7 +10,6 @@ from drift_drake.drive.loop.drive import Drive
 from drift_drake.drive.mpc.tracking import (
     INPUT_WEIGHT,
     STATE_WEIGHT,
-    Tracked,
     TrackingController,
     lqr_gains,
     tracking_gains,
@@ -88,12 +87,6 @@ def test_ports_and_values() -> None:
     np.testing.assert_allclose(between[1:3], 0.5 * (u[1] + u[2]) + correction, atol=1e-12)
     np.testing.assert_allclose(between[3:], 0.5 * (u[2] + u[3]) + correction, atol=1e-12)
     np.testing.assert_allclose(plan(0.9, x[3])[1:], [*u[3], *u[3]], atol=1e-12)
-    system.follow(context, Tracked(x[::-1], u[::-1], gains, 0.5))
-    np.testing.assert_allclose(plan(0.6, x[2]), [0.6, *u[2], *u[1]], atol=1e-12)
-    default = system.CreateDefaultContext()
-    default.SetTime(0.1)
-    system.get_input_port().FixValue(default, np.append(x[1], 3.0))
-    np.testing.assert_allclose(system.get_output_port().Eval(default)[1:3], u[1], atol=1e-12)
 
 
 def test_feedback_brings_the_car_back() -> None:

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 
-from drift_drake.car.effects.manoeuvres import TELLS_APART
+from drift_drake.car.effects.catalogue import CATALOGUE
 
 TOO = "+unknown"  # of a hypothesis' name: with an additional fault
 
@@ -34,7 +34,8 @@ def tells_apart(leading: str, rivals: Sequence[str]) -> str:
     by_drive: dict[str, list[str]] = {}
     for rival in rivals:
         cause = rival.removesuffix(TOO)
-        drive = TELLS_APART.get(frozenset((leading, cause)))
+        both = ((leading, cause), (cause, leading))
+        drive = next((CATALOGUE[a].told_from[b] for a, b in both if a in CATALOGUE and b in CATALOGUE[a].told_from), "")
         if drive and cause not in by_drive.setdefault(drive, []):
             by_drive[drive].append(cause)
     return "".join(f" Record {drive}, to distinguish {leading} from {' and '.join(names)}."

@@ -5,7 +5,6 @@ import dataclasses
 import pytest
 
 from drift_drake.car.effects.catalogue import CATALOGUE
-from drift_drake.car.effects.manoeuvres import TELLS_APART
 from drift_drake.gap.diagnosis.answers.answer import Answer
 from drift_drake.gap.diagnosis.answers.rivals import of_rivals, tells_apart
 from drift_drake.gap.estimation.prior import Interval
@@ -53,7 +52,7 @@ def test_effects_that_act_alike_have_the_drive_that_tells(cause, rivals, drives)
 
 
 def test_effects_with_a_drive_that_tells_are_the_catalogues():
-    assert {name for pair in TELLS_APART for name in pair} <= set(CATALOGUE)
+    assert {name for effect in CATALOGUE.values() for name in effect.told_from} <= set(CATALOGUE)
 
 
 def test_a_probable_verdict_has_none():

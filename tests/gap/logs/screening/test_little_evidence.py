@@ -22,7 +22,7 @@ def late(values, seconds):
 
 
 def gentle_log(seed):
-    """Columns of a drive of 8 to 40 s on a straight with a few turns, often to one side, and the car's wheelbase [m]."""
+    """Columns of a drive of 8 to 40 s on a straight with a few turns, often to one side, and the wheelbase [m]."""
     rng = np.random.default_rng(seed)
     rows, length = round(rng.choice([8.0, 12.0, 20.0, 40.0]) / PERIOD), rng.choice([0.26, 0.33, 1.6, 2.6, 2.9])
     fast = rng.uniform(4.0, 6.0) if length < 1.0 else rng.uniform(6.0, 30.0)
@@ -48,7 +48,8 @@ def gentle_log(seed):
         "y": np.cumsum(v * np.sin(course)) * PERIOD, "psi": np.cumsum(r) * PERIOD,
         "r": read(r, 0.005), "v": read(v, 0.03, 0.05), "beta": read(beta, 0.004, 0.01),
         "omega_r": forward * (1.0 + 0.004 * ax) + noise * 0.03 * rng.standard_normal(rows),
-        "ax": read(ax, 0.15, 0.2), "ay": read(ay, 0.15, 0.2), "delta_cmd": steer + rng.choice([0.0, 0.003]) * coloured(rng, rows, 0.5),
+        "ax": read(ax, 0.15, 0.2), "ay": read(ay, 0.15, 0.2),
+        "delta_cmd": steer + rng.choice([0.0, 0.003]) * coloured(rng, rows, 0.5),
     }, float(length)  # fmt: skip
 
 

@@ -163,7 +163,7 @@ def _slope(values: np.ndarray, of: np.ndarray, blocks: np.ndarray, used: int) ->
     square = float(of @ of)
     slope = float(of @ values) / square
     label = np.unique(blocks, return_inverse=True)[1]
-    scores = np.bincount(label, weights=of * (values - slope * of))
+    scores: np.ndarray = np.bincount(label, weights=of * (values - slope * of))
     rest = 1.0 - np.bincount(label, weights=of * of) / square  # where one block is most of all, it fits itself
     scores = scores / np.maximum(rest, SMALLEST)
     return slope, float(np.sqrt(_inflated(np.sum(scores**2), len(scores), used))) / square

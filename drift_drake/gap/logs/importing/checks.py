@@ -18,7 +18,7 @@ from drift_drake.gap.logs.importing.mapping import RecorderMapping
 from drift_drake.gap.logs.importing.position import against_position
 from drift_drake.gap.logs.screening.bad_samples import without_stuck
 from drift_drake.gap.logs.screening.consistency import consistency
-from drift_drake.gap.logs.screening.relations import Windows
+from drift_drake.gap.logs.screening.relations import GENTLE, Windows
 from drift_drake.gap.logs.screening.suspicions import Suspicion
 
 FEWEST = 230  # rows
@@ -165,6 +165,8 @@ def _directions(columns: Mapping[str, Array], rows: int) -> list[str]:
 def _accelerometer(columns: Mapping[str, Array], w: Windows, doubted: set[str | None]) -> list[str]:
     """Of gravity in the accelerations, and of an axis that points down."""
     sentences = []
+    if not np.isfinite(w.beta).any():
+        w = w.where(np.abs(w.v * w.r) < GENTLE)  # what slides feels its turn ahead, too
     beta, swing = np.nan_to_num(w.beta), np.nan_to_num(w.swing)
     along, across = w.gain, w.v * (w.r + swing)
     expected = {

@@ -2,7 +2,8 @@
 
 The regression of one signal on the other gives a gain that the other's noise makes too small; the regression the other
 way round, one that is too large. The true gain lies between the two (Frisch's bounds), each with its standard error
-from blocks of neighbouring windows, so that coloured noise and unmodelled motion widen the interval.
+from blocks of neighbouring windows, so that coloured noise and unmodelled motion widen the interval. What the nuisances
+explain may have another form, which widens it too: little where they do, by much where little else is left.
 """
 
 import dataclasses
@@ -14,6 +15,10 @@ ERRORS = 1e-4  # chance that one side of an interval misses: many relations of m
 FEWEST_BLOCKS = 6
 TRIMMED = 4.0  # robust standard deviations of a residual, beyond which a window is left out
 TRIMS = 3  # passes
+SINGULAR = 1e8  # condition number of what is left without a block
+SMALLEST = 1e-6  # share of a signal's square that is left without a block
+FEWEST_TELLING = 2.0  # blocks, as which those count that hold most of a signal
+FORM = 0.1  # of what nuisances explain, that it may be off by
 
 
 @dataclasses.dataclass(frozen=True)
@@ -58,7 +63,7 @@ def gain(
         kept[np.flatnonzero(kept)[~good]] = False
     m, e = _rest(design[kept], measured[kept]), _rest(design[kept], expected[kept])
     likeness = float(m @ e / np.sqrt((m @ m) * (e @ e)))
-    if likeness < least:
+    if likeness < least or _telling(e, blocks[kept]) < FEWEST_TELLING:
         return None
     count, used = blocks[kept], design.shape[1] + 1
     low, low_std = _slope(m, e, count, used)
@@ -67,7 +72,9 @@ def gain(
     at_most = back - wide * back_std
     if at_most <= 0.0:
         return None
-    return Bounds(low - wide * low_std, float(np.sqrt(low / back)), 1.0 / at_most)
+    middle = float(np.sqrt(low / back))
+    shape = FORM * _spread(design[kept], (measured - middle * expected)[kept]) / float(np.std(e))
+    return Bounds(low - wide * low_std - shape, middle, 1.0 / at_most + shape)
 
 
 def mean(values: np.ndarray, blocks: np.ndarray) -> Bounds | None:
@@ -106,12 +113,10 @@ def coefficients(design: np.ndarray, values: np.ndarray, blocks: np.ndarray) -> 
         kept[np.flatnonzero(kept)[~good]] = False
     part = design[kept]
     found, *_ = np.linalg.lstsq(part, values[kept], rcond=None)
-    scores = part * (values[kept] - part @ found)[:, None]
-    label = np.unique(blocks[kept], return_inverse=True)[1]
-    sums = np.stack([np.bincount(label, weights=column) for column in scores.T], axis=1)
-    inverse = np.linalg.pinv(part.T @ part)
-    covariance = inverse @ _inflated(sums.T @ sums, len(sums), part.shape[1]) @ inverse
-    half = _quantile(blocks[kept], part.shape[1]) * np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    std = _left_out_std(part, values[kept], found, blocks[kept])
+    if std is None:
+        return None
+    half = _quantile(blocks[kept], part.shape[1]) * std
     return [Bounds(float(q - h), float(q), float(q + h)) for q, h in zip(found, half, strict=True)]
 
 
@@ -121,8 +126,36 @@ def _rest(design: np.ndarray, values: np.ndarray) -> np.ndarray:
     return np.asarray(values - design @ found)
 
 
+def _left_out_std(design: np.ndarray, values: np.ndarray, found: np.ndarray, blocks: np.ndarray) -> np.ndarray | None:
+    """Standard errors of the coefficients found, by leaving each block out (jackknife); None where one of them alone
+    tells a coefficient."""
+    label = np.unique(blocks, return_inverse=True)[1]
+    order = np.argsort(label, kind="stable")
+    part, starts = design[order], np.flatnonzero(np.diff(label[order], prepend=-1))
+    squares = np.add.reduceat(part[:, :, None] * part[:, None, :], starts)
+    products = np.add.reduceat(part * values[order][:, None], starts)
+    without = np.sum(squares, axis=0) - squares
+    size = np.sqrt(np.diagonal(np.sum(squares, axis=0)))
+    if np.any(np.linalg.cond(without / np.outer(size, size)) > SINGULAR):
+        return None
+    moved = np.linalg.solve(without, (np.sum(products, axis=0) - products)[:, :, None])[:, :, 0] - found
+    return np.asarray(np.sqrt((1.0 - 1.0 / len(starts)) * np.sum(moved**2, axis=0)))
+
+
+def _spread(design: np.ndarray, values: np.ndarray) -> float:
+    """Standard deviation of what the design's columns [n, k] explain of values [n]."""
+    found, *_ = np.linalg.lstsq(design, values, rcond=None)
+    return float(np.std(design @ found))
+
+
 def _enough(blocks: np.ndarray, used: int) -> bool:
     return len(np.unique(blocks)) >= FEWEST_BLOCKS + used and len(blocks) > 2 * used
+
+
+def _telling(signal: np.ndarray, blocks: np.ndarray) -> float:
+    """How many blocks of equal size would hold as much of the signal [n] as those that hold most of it."""
+    squares = np.bincount(np.unique(blocks, return_inverse=True)[1], weights=signal**2)
+    return float(np.sum(squares) ** 2 / np.sum(squares**2))
 
 
 def _slope(values: np.ndarray, of: np.ndarray, blocks: np.ndarray, used: int) -> tuple[float, float]:
@@ -130,7 +163,9 @@ def _slope(values: np.ndarray, of: np.ndarray, blocks: np.ndarray, used: int) ->
     square = float(of @ of)
     slope = float(of @ values) / square
     label = np.unique(blocks, return_inverse=True)[1]
-    scores = np.bincount(label, weights=of * (values - slope * of))
+    scores: np.ndarray = np.bincount(label, weights=of * (values - slope * of))
+    rest = 1.0 - np.bincount(label, weights=of * of) / square  # where one block is most of all, it fits itself
+    scores = scores / np.maximum(rest, SMALLEST)
     return slope, float(np.sqrt(_inflated(np.sum(scores**2), len(scores), used))) / square
 
 

@@ -13,6 +13,7 @@ FEWEST = 12  # windows
 LARGE, BOTH_SIDES = 0.25, 0.05  # of the largest, that so many of the windows go beyond to either side
 BELOW = 0.03  # of a magnitude's size that noise takes it below zero
 SURELY, ABOUT = 0.9, 2.0  # correlation of two columns that are each other, and the factor that they agree within
+HALF = 0.5  # of the size that a magnitude has at the other sign
 LIKE = 0.8  # correlation from which a column follows another
 UNLIKE = 0.5  # below which it does not
 NEARLY_ZERO, FASTEST = 0.5, 150.0  # [m/s] of a car that hardly moves, and of none
@@ -41,13 +42,24 @@ def magnitudes(runs: Sequence[Columns], m: Kinematics) -> list[Suspicion]:
         if side == 0:
             continue
         for other, words in others:
-            if _both_sides(other) and _like(np.abs(own), np.abs(other)) > LIKE:
+            if _both_sides(other) and _like(np.abs(own), np.abs(other)) > LIKE and _as_large(own, other):
                 found.append(Suspicion(
                     f"column {name} is never {'negative' if side > 0 else 'positive'} though {words} to both sides: it "
                     "is a magnitude, and its sign stands in another column; multiply the two in 'formulas' "
                     f"({name}: magnitude * direction)", name, None, f"{words} to both sides"))  # fmt: skip
                 break
     return found
+
+
+def _as_large(own: np.ndarray, other: np.ndarray) -> bool:
+    """Whether a column without a sign is as large where the other one is far below zero as where it is far above: noise
+    and a bias of the other one are no turns."""
+    known = np.isfinite(own) & np.isfinite(other)
+    own, other = own[known], other[known]
+    far = np.abs(other) > LARGE * float(np.quantile(np.abs(other), 0.95))
+    sides = (far & (other > 0.0), far & (other < 0.0))
+    sizes = [abs(float(np.sum(own[rows]))) / float(np.sum(np.abs(other[rows]))) for rows in sides if rows.any()]
+    return len(sizes) == 2 and min(sizes) > HALF * max(sizes)
 
 
 def _only_side(runs: Sequence[Columns], name: str) -> int:
@@ -137,9 +149,7 @@ def _apart(m: Kinematics) -> tuple[dict[str, float], tuple[str, str, str], str]:
     """
     known = np.isfinite(m.omega_r) & np.isfinite(m.moved) & (m.moved > 0.0)
     if np.count_nonzero(known) >= FEWEST:
-        # A scale that is off moves all windows alike.
-        off = {name: float(np.std(np.log(np.maximum(values[known], SMALLEST) / m.moved[known])))
-               for name, values in (("v", m.v), ("omega_r", m.omega_r))}  # fmt: skip
+        off = {name: _slips(values, m.moved, m, known) for name, values in (("v", m.v), ("omega_r", m.omega_r))}
         slipped = max(off.values())
         return (
             {k: 100.0 * q for k, q in off.items()} | {"slipped": slipped},
@@ -150,11 +160,25 @@ def _apart(m: Kinematics) -> tuple[dict[str, float], tuple[str, str, str], str]:
     known = np.isfinite(m.omega_r) & np.isfinite(m.ax) & np.isfinite(m.rim_gain)
     if np.count_nonzero(known) < FEWEST:
         return {}, words, "m/s^2"
-    slipped = float(np.std(np.log(np.maximum(m.omega_r[known], SMALLEST) / m.v[known])))
+    slipped = _slips(m.v, m.omega_r, m, known)
     straight = np.abs(m.turned[known] * np.sin(np.nan_to_num(m.beta[known]))) < 1.0
     off = {name: _left(m.ax[known][straight], rate[known][straight])
            for name, rate in (("v", m.gain), ("omega_r", m.rim_gain))}  # fmt: skip
     return off | {"slipped": slipped}, words, "m/s^2"
+
+
+def _slips(speed: np.ndarray, of: np.ndarray, m: Kinematics, known: np.ndarray) -> float:
+    """How far a speed that may be a rim's moves from another one, as a share, over the windows that are known.
+
+    A scale that is off moves all alike, noise is averaged over blocks, and a reading that comes late is too low while
+    the car speeds up: a driven wheel is not.
+    """
+    off = np.log(np.maximum(speed[known], SMALLEST) / np.maximum(of[known], SMALLEST))
+    gains = m.gain[known] / np.maximum(m.v[known], SMALLEST)
+    gains = gains - np.mean(gains)
+    slope = float(gains @ off) / max(float(gains @ gains), SMALLEST)
+    label = np.unique(m.block[known], return_inverse=True)[1]
+    return float(np.std(np.bincount(label, weights=off - min(slope, 0.0) * gains) / np.bincount(label)))
 
 
 def _left(values: np.ndarray, of: np.ndarray) -> float:

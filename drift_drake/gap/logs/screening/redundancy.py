@@ -203,8 +203,9 @@ def bias_doubts(m: Kinematics, without: Sequence[str] = ()) -> list[Suspicion]:
 
 def arm_doubts(m: Kinematics, wheelbase: float | None) -> list[Suspicion]:
     """A point of measurement away from the centre of gravity: by what wheels read in turns, and by accelerations."""
-    least = ARM * (wheelbase or LENGTH)
+    least, widest = ARM * (wheelbase or LENGTH), UNSURE * (wheelbase or LENGTH)
     wheels, left, ahead = _arm_by_wheels(m), *_arm_by_accelerations(m)
+    wheels = wheels if wheels is not None and 0.5 * _width(wheels) < widest else None
     where: list[tuple[int, Bounds, str]] = []
     if wheels is not None and wheels.beyond(0.0, least):
         # Accelerations that agree say it more closely.

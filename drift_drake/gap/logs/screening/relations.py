@@ -96,18 +96,30 @@ class Kind:
 
 @dataclasses.dataclass(frozen=True)
 class Relation:
-    """One ratio as found: `size` and `sign` are one and positive where all is well; likeness: its rank correlation."""
+    """One ratio as found: `size` and `sign` are one and positive where all is well; likeness: its rank correlation;
+    tight: the regressions of either column on the other are this factor and its inverse from it; windows: number."""
 
     name: str
     kind: Kind
     size: float
     sign: float
     likeness: float
+    tight: float
+    windows: int
 
     @property
     def off(self) -> float:
         """How far from one, in tolerances."""
         return float(np.log(self.size)) / self.kind.tolerance
+
+    @property
+    def surely_off(self) -> float:
+        """The same in standard deviations, always positive, of the tolerance and of a slope of few windows (every other
+        one tells anew), from the nearer of both regressions, between which the slope is whatever the noise of either
+        column (Frisch)."""
+        error = np.sqrt((1.0 - self.likeness**2) / max(0.5 * self.windows - 2.0, 1.0)) / self.likeness
+        apart = abs(float(np.log(self.size))) + float(np.log(self.tight))
+        return max(apart, 0.0) / float(np.hypot(self.kind.tolerance, error))
 
     @property
     def holds(self) -> bool:
@@ -177,7 +189,7 @@ def relations(windows: Windows, vehicle: VehicleParameters, kinds: Mapping[str, 
         least = kind.least_likeness
         at = _ratio(measured, expected) if least is None else _slope(measured, expected, least)
         if at is not None:
-            found[name] = Relation(name, kind, *at)
+            found[name] = Relation(name, kind, *at, len(measured))
     if _swings(found):
         found.pop("across", None)
     return list(found.values())
@@ -190,21 +202,21 @@ def _swings(found: Mapping[str, Relation]) -> bool:
     return turn is not None and turn.holds and course is not None and course.sign > 0.0 and course.size < SWINGING
 
 
-def _slope(measured: np.ndarray, expected: np.ndarray, least_likeness: float) -> tuple[float, float, float] | None:
-    """Size, sign and likeness of the robust slope between two columns, of which neither is exact: the geometric mean of
-    both ways (Theil-Sen)."""
+def _slope(measured: np.ndarray, expected: np.ndarray, least: float) -> tuple[float, float, float, float] | None:
+    """Size, sign, likeness (not below `least`) and tightness of the robust slope between two columns, of which neither
+    is exact: the geometric mean of both ways (Theil-Sen)."""
     if len(measured) > MOST:
         chosen = np.linspace(0, len(measured) - 1, MOST).astype(int)
         measured, expected = measured[chosen], expected[chosen]
     if min(np.ptp(measured), np.ptp(expected)) < SMALLEST:
         return None
     likeness = float(np.corrcoef(_ranks(measured), _ranks(expected))[0, 1])
-    if abs(likeness) < least_likeness:
+    if abs(likeness) < least:
         return None
     there, back = _theil_sen(measured, expected), _theil_sen(expected, measured)
     if there * back <= 0.0:
         return None
-    return float(np.sqrt(there / back)), float(np.sign(there)), abs(likeness)
+    return float(np.sqrt(there / back)), float(np.sign(there)), abs(likeness), min(float(np.sqrt(there * back)), 1.0)
 
 
 # As `spearmanr` and `theilslopes` of scipy.stats have them, which takes half a second to import.
@@ -224,9 +236,9 @@ def _theil_sen(values: np.ndarray, of: np.ndarray) -> float:
     return float(np.median((values[second] - values[first])[apart] / step[apart]))
 
 
-def _ratio(measured: np.ndarray, expected: np.ndarray) -> tuple[float, float, float] | None:
+def _ratio(measured: np.ndarray, expected: np.ndarray) -> tuple[float, float, float, float] | None:
     """The same of two speeds: of what most windows show the tenth that is nearest to one, as a wheel may slip."""
     if np.min(expected) <= 0.0 or np.min(measured) <= 0.0:
         return None
     low, middle, high = np.quantile(np.log(measured / expected), [0.1, 0.5, 0.9])
-    return float(np.exp(max(low, 0.0) if middle > 0.0 else min(high, 0.0))), 1.0, 1.0
+    return float(np.exp(max(low, 0.0) if middle > 0.0 else min(high, 0.0))), 1.0, 1.0, 1.0

@@ -36,7 +36,8 @@ LIKENESS, ALIKE = 0.8, 0.7  # correlation of steering and yaw rate from which cl
 def ratio_found(m: Kinematics, length: float) -> Bounds | None:
     """How many times as large the steering commands are as gentle turns ask for, where they tell.
 
-    The steered angle is (L + K v^2) r / v: what goes with r / v tells the ratio, what goes with v r the understeer.
+    The steered angle is (L + K v^2) r / v: what goes with r / v tells the ratio, what goes with v r the understeer, and
+    what goes with 1 / v a bias of r.
 
     Args:
         length: the wheelbase [m].
@@ -44,7 +45,7 @@ def ratio_found(m: Kinematics, length: float) -> Bounds | None:
     slow = (np.abs(m.turned) < GENTLE) & (np.abs(np.nan_to_num(m.beta)) < STEADY)
     w = m.where(slow)
     asked = length * w.r / w.v
-    return gain(w.delta_cmd, asked, np.column_stack([w.turned, w.spin / w.v, w.lag(asked)]), w.block)
+    return gain(w.delta_cmd, asked, np.column_stack([w.turned, w.spin / w.v, w.lag(asked), 1.0 / w.v]), w.block)
 
 
 def ratio_doubts(m: Kinematics, length: float) -> list[Suspicion]:

@@ -91,7 +91,7 @@ def contradictions(
 
 def _scaled(found: Sequence[Relation], known: Sequence[Mistake]) -> tuple[list[Suspicion], Corrections]:
     """The mistake of units or clock that explains most, reported for each of its columns, and how to take it out."""
-    if all(abs(relation.off) < SUSPECT for relation in found):
+    if all(relation.surely_off < SUSPECT for relation in found):
         return [], []
     before = _cost(found, {})
     ranked = []
@@ -102,7 +102,7 @@ def _scaled(found: Sequence[Relation], known: Sequence[Mistake]) -> tuple[list[S
             continue
         size = _best_size(mistake, touched)
         changes = dict.fromkeys(mistake.columns, size)
-        corrected = [relation for relation in touched if abs(relation.off) > SUSPECT]
+        corrected = [relation for relation in touched if relation.surely_off > SUSPECT]
         if not any(abs(_left(relation, changes)) < EXPLAINED for relation in corrected):
             continue
         gain = before - _cost(found, changes) - EXTRA_COLUMN * (len(mistake.columns) - 1) - mistake.rarity

@@ -44,7 +44,6 @@ def learn_normal(
     """
     n, of_kind = len(names), tuple(kind_of(day.constants).DEVIATIONS)
     scales = robust_scales(day.errors)
-    day, lost = without_lost(day, scales)
     f = flat_scores(day.errors, scales)
     precision = np.linalg.inv(np.cov(f.T) + REGULAR * np.eye(f.shape[1]))
     seen = seen_of(day, scales, precision)
@@ -55,10 +54,11 @@ def learn_normal(
     unknown, recording, pulled = parameters_left_open(day, seen.score[:, :n], total[:n, :n], prior, between, names,
                                                       steps)  # fmt: skip
     offset = np.median(day.errors, axis=0)
+    lost = lost_blocks(day.errors, offset, scales, day.block)
     normal = Normal(
         names=tuple(names), of_kind=of_kind, kind_units=day.kind_units,
         stride=day.runs[0].stride, units=steps, scales=scales, precision=precision,
-        standard=day.standard, slipping=seen.slipping, blocks=seen.blocks, lost=lost,
+        standard=day.standard, slipping=seen.slipping, blocks=seen.blocks, lost=int(lost.sum()),
         covariance=seen.covariance, information=seen.information, ratio=seen.ratio, expected=shown.known.mean,
         left_open=shown.known.covariance, least_deviations=between, factors=shown.factors, scale=shown.scale,
         left_out=distances, left_out_none=np.ones(len(distances)), covered=drive_coverage(day.runs),
@@ -67,18 +67,6 @@ def learn_normal(
         noise=log_levels(day.runs, white=True),
     )  # fmt: skip
     return Learnt(normal, pulled, shown.left_out)
-
-
-def without_lost(day: Day, scales: np.ndarray) -> tuple[Day, int]:
-    """The day without the blocks whose predictions are lost, and their number.
-
-    A recording that has no others keeps them.
-    """
-    lost = lost_blocks(day.errors, np.median(day.errors, axis=0), scales, day.block)[day.block]
-    for k in np.unique(day.recordings):
-        own = day.recordings[day.run] == k
-        lost[own] &= not np.all(lost[own])
-    return (day.kept(~lost), len(np.unique(day.block[lost]))) if np.any(lost) else (day, 0)
 
 
 def parameters_left_open(

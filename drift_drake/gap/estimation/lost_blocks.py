@@ -1,7 +1,6 @@
 """Driving that no prediction follows for seconds: a wheel lifts, a kerb is hit, a car spins.
 
-What a baseline has of it is this car's own. A later log that has as much of it shows no change by that; it is judged by
-the rest of its driving, as the baseline's residual distribution is learnt from the rest of the baseline's.
+What a baseline has of it is this car's own. A later log that has as much of it shows no change by that.
 """
 
 import numpy as np

@@ -38,8 +38,8 @@ class Normal:
     precision: np.ndarray  # of errors in scales [HORIZONS * channels, the same]
     standard: np.ndarray  # of the driving [2, DRIVING] (`partial.standards`)
     slipping: float  # how much tyres slipped (`baseline.slipping_of`)
-    blocks: int  # of time that the distribution is learnt from
-    lost: int  # further ones, whose predictions are lost (`lost_blocks`)
+    blocks: int
+    lost: int  # of them, whose predictions are lost (`lost_blocks`)
     covariance: np.ndarray  # of scores from block to block [m, m]
     information: np.ndarray  # diagonal of a block's information [m]
     ratio: float  # of that scatter to the one that the information tells of

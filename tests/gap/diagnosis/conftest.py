@@ -21,7 +21,7 @@ CONSIDERED = (
 def diagnosed(other_car):
     """A function: runs of a later day to their diagnosis, with few effects considered.
 
-    lost: blocks that its baseline is taken to have had beside the others, whose predictions are lost.
+    lost: blocks of its baseline whose predictions are taken to have been lost.
     """
 
     def diagnosis(runs, case="day", catalogue=CONSIDERED, lost=0):

@@ -203,7 +203,7 @@ def judged_rest(
     rest = without(search, odd)
     none, others = hypotheses_of(rest, lambda _stage, share: tell("without a few seconds", share))
     again, removed = ranked_hypotheses(rest, none, others, *how)
-    if np.any(usual) and (again.verdict == NONE or named_alone(again)):
+    if np.any(usual) and (named_alone(again) or (found.verdict == UNKNOWN and again.verdict == NONE)):
         said = [USUAL.format(stretches_in_words(search, odd))]
         return Decided(none, others, again, removed), reduction(search, again.leading, again.leading), said
     said = [stretch_sentence(stretches_in_words(search, odd), again)]

@@ -38,7 +38,7 @@ def usual_blocks(search: Search) -> np.ndarray:
     """Blocks [blocks] (bool) that no prediction follows, if the baseline has as many of these; else none."""
     day, normal = search.day, search.normal
     lost = lost_blocks(day.errors, normal.offset, normal.scales, day.block)
-    usual = as_often(int(lost.sum()), day.blocks, normal.lost, normal.blocks + normal.lost)
+    usual = as_often(int(lost.sum()), day.blocks, normal.lost, normal.blocks)
     return lost if usual else np.zeros_like(lost)
 
 

@@ -12,6 +12,7 @@ import pandas as pd
 from markupsafe import Markup
 from matplotlib.figure import Figure
 
+from diagrams.replay import side_by_side
 from drift_drake.car.effects.catalogue import CATALOGUE
 from drift_drake.car.log.table import read_case
 from drift_drake.car.parameters import VehicleParameters
@@ -24,7 +25,7 @@ from drift_drake.view.pages.policy import with_policy
 from drift_drake.view.pages.templates import templates
 from drift_drake.view.pictures.overhead import overhead
 from drift_drake.view.pictures.replay import replay
-from drift_drake.view.pictures.time_series import side_by_side, time_series
+from drift_drake.view.pictures.time_series import time_series
 from drift_drake.view.playback.play import UNITS, Comparison, compare, drawn
 from drift_drake.view.playback.side_by_side import CarModel, SideBySide
 from drift_drake.view.style import colours_of

@@ -72,7 +72,7 @@ def run_check(command: Check) -> None:
     print("\n".join(sentences(checked)), file=said_to(command.json))
     write_results(command.json, checked)
     if command.report is not None:
-        from drift_drake.car.log.given import logs_given
+        from drift_drake.car.log.cases import logs_given
         from drift_drake.gap.diagnosis.check.check_report import report_html
         from drift_drake.view.pages.page import Source
 

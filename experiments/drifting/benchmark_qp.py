@@ -72,7 +72,7 @@ class Recorder(QpWorkspace):
         self._workspace = workspace
         self.found: list[Recorded] = []
 
-    def solve(self, stages: Stages, f: Array, target: Array, z: Array, y: Array, interior: bool = False) -> QpSolution:
+    def solve(self, stages: Stages, f: Array, target: Array, z: Array, y: Array) -> QpSolution:
         bounds = stages.bounds._replace(**{name: np.array(value) for name, value in stages.bounds._asdict().items()})
         kept = stages._replace(
             bounds=bounds,
@@ -81,7 +81,7 @@ class Recorder(QpWorkspace):
             given=np.array(stages.given),
         )
         self.found.append(Recorded(kept, *map(np.array, (f, target, z, y))))
-        return self._workspace.solve(stages, f, target, z, y, interior)
+        return self._workspace.solve(stages, f, target, z, y)
 
 
 def recorded(horizon: int, problems: int, seed: int) -> list[Recorded]:

@@ -10,14 +10,26 @@ import numpy as np
 
 from drift_drake.common.arrays import Array
 from drift_drake.common.run_folder import write_json
+from drift_drake.drive.learnt.bayesian_step import regression_points
 from drift_drake.drive.learnt.checkpoint import BayesianModel
-from drift_drake.drive.learnt.out_of_distribution import squared_distance
-from drift_drake.drive.learnt.posterior import Posterior
+from drift_drake.drive.learnt.posterior import Posterior, mahalanobis, predict
 from drift_drake.drive.learnt.quality import learn
 from drift_drake.drive.learnt.samples import Samples
 from drift_drake.gap.choose.choice import IDENTIFIED, SURPRISE, Familiar, stored
 
 SURPRISED = 0.005  # share of the training distribution's vehicles that the first drive refuses
+
+
+def squared_distance(
+    model: BayesianModel, belief: Posterior, x: Array, u: Array, u_next: Array, x_next: Array
+) -> float:
+    """Squared Mahalanobis distance of one sample from what a belief predicts (eq. 7), of four degrees of freedom.
+
+    Args:
+        x, x_next: states and lagged commands at both ends of a step [8]; u, u_next: commands there [2].
+    """
+    phi, y = regression_points(model, x, u, u_next, x_next)
+    return float(mahalanobis(predict(belief, model.sigma, phi), y) ** 2)
 
 
 def squared_distances(model: BayesianModel, belief: Posterior, samples: Samples) -> Array:

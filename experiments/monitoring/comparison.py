@@ -28,13 +28,13 @@ from drift_drake.common.executors import ExecutorConfig
 from drift_drake.common.run_folder import is_done, write_json, write_versions
 from drift_drake.drive.learnt.checkpoint import load_model
 from drift_drake.drive.learnt.command_lag import lagged_commands
-from drift_drake.drive.learnt.out_of_distribution import squared_distance, statistics
 from drift_drake.gap.monitoring import bank as filters
 from drift_drake.gap.monitoring.evidence import ALARM, Sums, no_sums
 from drift_drake.gap.monitoring.monitor import SETTLING, Monitor, with_row
 from drift_drake.gap.monitoring.watch import rows_of, watched
 from experiments.benchmarks.drivers import MANOEUVRES
 from experiments.benchmarks.truths import drawn_deviations
+from experiments.gathering.familiar import squared_distance
 from experiments.made import write_report
 from experiments.monitoring.cars import Simulator, double_track_simulator
 from experiments.monitoring.drives import changed_double_track_drive, changed_drive
@@ -50,6 +50,7 @@ DURATION = 20.0  # [s]
 ONSETS = (6.0, 12.0)  # [s] between which a change comes
 SECONDS = 3.0  # after a change, in which it is to be named
 TIMES_LIMIT = 2.0
+WINDOW = 20  # samples of the learnt model, 0.1 s apart
 
 
 @dataclasses.dataclass(frozen=True)
@@ -182,7 +183,7 @@ def said(monitor: Monitor, run: Run, truth: dict[str, Any]) -> dict[str, Any]:
 
 
 def learnt_statistic(run: Run, t: np.ndarray) -> np.ndarray:
-    """The learnt model's own detector, its prior as belief, at times t."""
+    """Mean of the last `WINDOW` squared distances of samples from the learnt model's prior, at times t; 0 before."""
     model = load_model()
     belief, every = model.prior(), max(round(0.1 / run.period), 1)
     commands = np.stack([run.delta_cmd, np.asarray(run.tau_cmd)], axis=1)
@@ -190,7 +191,9 @@ def learnt_statistic(run: Run, t: np.ndarray) -> np.ndarray:
     x = np.concatenate([states, np.zeros((len(run), 2)), lagged_commands(run.t, commands)], axis=1)[::every]
     u, times = commands[::every], run.t[::every]
     d = np.array([squared_distance(model, belief, x[k], u[k], u[k + 1], x[k + 1]) for k in range(len(x) - 1)])
-    values = np.nan_to_num(statistics(d), nan=0.0)
+    values = np.zeros(len(d))
+    if len(d) >= WINDOW:
+        values[WINDOW - 1 :] = np.convolve(d, np.full(WINDOW, 1.0 / WINDOW), "valid")
     return np.asarray(np.concatenate([[0.0], values])[np.clip(np.searchsorted(times, t + 1e-9) - 1, 0, len(values))])
 
 

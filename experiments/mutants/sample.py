@@ -23,7 +23,6 @@ PARTS = {
         "drive/learnt/posterior",
         "drive/learnt/bayesian_step",
         "drive/learnt/features",
-        "drive/learnt/out_of_distribution",
         "gap/monitoring/evidence",
     ),
     "ocp": (

@@ -6,9 +6,6 @@ what is not known of the car.
 """
 
 import dataclasses
-import json
-from collections.abc import Sequence
-from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -19,8 +16,8 @@ from drift_drake.car.effects.magnitudes import Effects
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.car.step_model import STATE_SCALE
 from drift_drake.common.arrays import Array
-from drift_drake.common.executors import ExecutorConfig, run_jobs
-from drift_drake.common.run_folder import is_done, write_json
+from drift_drake.common.executors import ExecutorConfig
+from drift_drake.common.run_folder import write_json
 from drift_drake.common.safe_files import write_table
 from drift_drake.drive.gathering.config import GatheringConfig
 from drift_drake.drive.gathering.gather import Gathered, taught
@@ -31,7 +28,7 @@ from experiments.benchmarks.vehicles import Population, draw_effects
 from experiments.gathering.beliefs import SECOND_ROUND
 from experiments.gathering.recipe import Recipe
 from experiments.model.uncertainties import model_change, true_change
-from experiments.settings import keep_settings
+from experiments.settings import keep_settings, run_kept
 
 STATES = ("r", "v", "beta", "omega_r")
 MIRRORED = np.array([-1.0, 1.0, -1.0, 1.0, -1.0, -1.0])  # a plan that steers the other way first is the same one
@@ -173,29 +170,24 @@ def main(config: DrivesConfig) -> None:
     hashes = {name: load_model(getattr(config, name).checkpoint).content_hash() for name in ("recipe", "shipped")}
     free = ("vehicles", "few", "run_on", "out")
     keep_settings(folder, dataclasses.asdict(config) | {"hashes": hashes}, free)
-    jobs: dict[Path, Job] = {}
+    jobs: list[Job] = []
     plans: dict[str, tuple[Trajectory, Trajectory]] = {}
     for variant in variants(config):
         count = config.vehicles if variant.name in ("recipe", "shipped") else config.few
-        found = first_plans(variant)
-        if found is None:
+        first = first_plans(variant)
+        if first is None:
             continue
-        plans[variant.name] = found
+        plans[variant.name] = first
         for vehicle in range(count):
             effects = draw_effects(config.population, vehicle, config.vehicle_seed)
-            file = folder / f"{variant.name.replace(' ', '_')}-{vehicle:03d}.json"
-            jobs[file] = Job(variant, vehicle, effects, *found)
+            jobs.append(Job(variant, vehicle, effects, *first))
     write_json(folder / "plans.json", first_compared(plans))
-    missing = {file: job for file, job in jobs.items() if not is_done(file)}
-    files = {(job.variant.name, job.vehicle): file for file, job in jobs.items()}
-    write = partial(_write, files)
-    run_jobs(config.run_on, of_vehicle, list(missing.values()), write, "vehicle", tasks_per_worker=20)
-    rows = [row for file in jobs for row in json.loads(file.read_text())]
-    write_table(pd.DataFrame(rows), folder / "drives.csv", index=False)
+    found = run_kept(config.run_on, of_vehicle, jobs, lambda job: _file(folder, job), "vehicle", 20)
+    write_table(pd.DataFrame([row for rows in found for row in rows]), folder / "drives.csv", index=False)
 
 
-def _write(files: dict[tuple[str, int], Path], job: Job, rows: Sequence[dict[str, Any]]) -> None:
-    write_json(files[job.variant.name, job.vehicle], rows)
+def _file(folder: Path, job: Job) -> Path:
+    return folder / f"{job.variant.name.replace(' ', '_')}-{job.vehicle:03d}.json"
 
 
 def first_compared(plans: dict[str, tuple[Trajectory, Trajectory]]) -> dict[str, Any]:

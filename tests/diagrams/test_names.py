@@ -20,7 +20,6 @@ from drift_drake.car.step_model import NominalStepModel
 from drift_drake.drive.learnt.adapter import BayesianAdapter
 from drift_drake.drive.learnt.checkpoint import load_model
 from drift_drake.drive.learnt.lag_bank import BANK
-from drift_drake.drive.learnt.out_of_distribution import OutOfDistributionDetector
 from drift_drake.drive.learnt.quality import step_model
 from drift_drake.drive.loop.closed_loop import ClosedLoop, ControlConfig
 from drift_drake.drive.loop.drive import Drive
@@ -93,7 +92,7 @@ def loops(lane: Reference) -> Iterator[ClosedLoop]:
     monitor, faults = make_monitor(CAR, used=WATCHED), [Fault(kind, 1.0, 0.1, KINDS[kind]) for kind in KINDS]
     narrow, nominal = ControlConfig(horizon=4, tightening=1.0), NominalStepModel(CAR)
     yield ClosedLoop(CAR, lane, nominal, LATE, faults=faults, watch=GapWatch(monitor), sensor_errors=LATE)
-    yield ClosedLoop(CAR, lane, control=narrow, detector=OutOfDistributionDetector(learnt, 8.0), **adapting())
+    yield ClosedLoop(CAR, lane, control=narrow, **adapting())
     yield ClosedLoop(CAR, lane, watch=GapWatch(monitor, "forget"), **adapting())
     yield ClosedLoop(CAR, lane, EffectsStepModel(CAR, Effects()), watch=GapWatch(monitor, "correct_or_slow"))
     for size in (6, 7):  # of what a controller of one's own is given

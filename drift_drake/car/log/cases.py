@@ -1,8 +1,12 @@
-"""Folders of runs (cases), and folders of such folders."""
+"""Folders of runs (cases), folders of such folders, and logs as a function is given them."""
 
+from collections.abc import Sequence
 from pathlib import Path
+from typing import NamedTuple
 
-from drift_drake.car.log.table import InvalidLogError, run_paths
+from drift_drake.car.log.table import InvalidLogError, Run, read_case, run_paths, stated_noise
+
+Logs = str | Path | Run | Sequence[Run]  # a case folder's or a run's path, or runs
 
 
 def case_name(folder: Path) -> str:
@@ -27,3 +31,25 @@ def case_folders(folder: str | Path) -> list[Path]:
     if not cases:
         raise InvalidLogError(f"{folder}: holds no runs; a case is a folder of run_0.csv, run_1.csv, ...")
     return cases
+
+
+class GivenLogs(NamedTuple):
+    """Runs, what they are called together, and the noise that an import stated with them (SI)."""
+
+    runs: list[Run]
+    case: str
+    noise: dict[str, float]
+
+
+def logs_given(logs: Logs, case: str | None = None) -> GivenLogs:
+    """The runs of a path, or runs as they are; `case`: what they are called, in place of the folder's name.
+
+    Raises:
+        InvalidLogError: the path holds no usable run, or what was given is neither a path nor runs.
+    """
+    if isinstance(logs, str | Path):
+        return GivenLogs(read_case(logs), case or case_name(Path(logs)), stated_noise(logs))
+    runs = [logs] if isinstance(logs, Run) else logs
+    if not isinstance(runs, Sequence) or not runs or not all(isinstance(run, Run) for run in runs):
+        raise InvalidLogError(f"logs: {type(logs).__name__} holds no runs; give a folder's or a file's path, or Run's")
+    return GivenLogs(list(runs), case or "case", {})

@@ -23,7 +23,6 @@ from drift_drake.common.arrays import Array
 from drift_drake.common.errors import one_line
 from drift_drake.common.threads import one_blas_thread
 from drift_drake.drive.learnt.adapter import BayesianAdapter
-from drift_drake.drive.learnt.out_of_distribution import OutOfDistributionDetector
 from drift_drake.drive.loop.actuation import LinearInterpolationActuator
 from drift_drake.drive.loop.car import Car
 from drift_drake.drive.loop.endings import Ending, Outcome, RunLimits
@@ -46,7 +45,6 @@ from drift_drake.drive.reference.trajectory import Reference
 from drift_drake.drive.screening.screen import Innovation, Screen
 
 NEGLIGIBLE = 1e-9  # [N s^2/m^2] of drag, with which a car has the states of effects and nothing else
-DETECTION = ("distance", "statistic", "alarm")  # the detector's ports
 
 
 @dataclasses.dataclass(frozen=True)
@@ -99,7 +97,6 @@ class ClosedLoop:
         reference: what to drive; noise: of the sensors; control: how the controller is set up.
         initial_command: (delta [rad], tau [N m]) in force before the first plan; the reference's without.
         adapter: if given, `model` (a `BayesianStepModel`) follows it.
-        detector: if given, it watches the adapter's belief (columns `ood_...` of a run's table).
         plant: the true car, on the reference's path, if it is not that of `parameters` and `effects`; see `Car`.
         faults: what goes wrong in the loop.
         watch: if given, it watches the car, and acts by its policy (`gap.monitoring.in_loop.GapWatch`).
@@ -109,8 +106,8 @@ class ClosedLoop:
 
     Raises:
         InvalidVehicleError: an effect that no car has; InvalidControllerError: a controller that is none.
-        ValueError: both a model and a controller, or neither; a detector, or a tightened lane, without an adapter; a
-            watch whose policy the model does not serve.
+        ValueError: both a model and a controller, or neither; a tightened lane without an adapter; a watch whose
+            policy the model does not serve.
 
     Examples:
         >>> loop = ClosedLoop(car, reference, NominalStepModel(car))
@@ -128,7 +125,6 @@ class ClosedLoop:
         control: ControlConfig = ControlConfig(),
         initial_command: tuple[float, float] | None = None,
         adapter: BayesianAdapter | None = None,
-        detector: OutOfDistributionDetector | None = None,
         plant: PathPlant | None = None,
         faults: Sequence[Fault] = (),
         watch: LoopWatch | None = None,
@@ -136,7 +132,7 @@ class ClosedLoop:
         sensor_errors: Effects = Effects(),
     ) -> None:
         effects = effects_given(effects)
-        learners = Learners(model, adapter, detector, lane_tightening(control.tightening, adapter, detector))
+        learners = Learners(model, adapter, lane_tightening(control.tightening, adapter))
         check_planner(learners, controller)
         if plant is None and patches(faults) and not acts_on_motion(effects):
             effects = effects._replace(aero_drag=NEGLIGIBLE)
@@ -173,7 +169,7 @@ class ClosedLoop:
             learners.connect(builder, self.controller, measured_state, command, watched.effects, watched.trusted)
         builder.Connect(points.actuators(command, parameters), self.car.GetInputPort("command"))
         self.logs = Logs(builder, control.period)
-        for name, (port, columns) in (self._logged(received, detector) | watched.logged).items():
+        for name, (port, columns) in (self._logged(received) | watched.logged).items():
             self.logs.add(port, columns, name)
         self.diagram: Diagram = builder.Build()
         self.diagram.set_name("closed_loop")
@@ -288,9 +284,7 @@ class ClosedLoop:
         log = self.logs.table(context) if file is None else file.finish(context)
         return ClosedLoopRun(log, outcome, reference, self.parameters, error, self.watch)
 
-    def _logged(
-        self, received: OutputPort, detector: OutOfDistributionDetector | None
-    ) -> dict[str, tuple[OutputPort, Sequence[str]]]:
+    def _logged(self, received: OutputPort) -> dict[str, tuple[OutputPort, Sequence[str]]]:
         """What is logged: a port and its columns in the table, by name."""
         car, actuator = self.car, self.actuator
         further = [f"measured_{name}" if name in ("psi", "ax", "ay") else "" for name in LOG_ROW]  # of a log's row
@@ -312,8 +306,6 @@ class ClosedLoop:
             logged["reading"] = (self.screen.GetOutputPort("reading"), ("reading",))
         if self.safe_stop is not None:
             logged["stopping"] = (self.safe_stop.GetOutputPort("stopping"), ("stopping",))
-        if detector is not None:
-            logged |= {name: (detector.GetOutputPort(name), (f"ood_{name}",)) for name in DETECTION}
         return logged
 
 

@@ -1,4 +1,4 @@
-"""What observes the car besides the controller: the learnt model's adapter and detector, and a model's own states."""
+"""What observes the car besides the controller: the learnt model's adapter, and a model's own states."""
 
 from typing import NamedTuple
 
@@ -7,25 +7,21 @@ from pydrake.systems.framework import DiagramBuilder, LeafSystem, OutputPort, Sy
 from drift_drake.car.step_model import StepModel
 from drift_drake.drive.learnt.adapter import BayesianAdapter
 from drift_drake.drive.learnt.command_lag import CommandLag
-from drift_drake.drive.learnt.out_of_distribution import OutOfDistributionDetector
 from drift_drake.drive.mpc.controller import Controller, MpcController
 from drift_drake.drive.mpc.tightening import LaneTightening
 
 
-def lane_tightening(
-    kappa: float, adapter: BayesianAdapter | None, detector: OutOfDistributionDetector | None
-) -> LaneTightening | None:
+def lane_tightening(kappa: float, adapter: BayesianAdapter | None) -> LaneTightening | None:
     """What narrows the lane by `kappa` standard deviations of the adapter's belief; None where it is not narrowed.
 
     Raises:
-        ValueError: a detector, or a tightened lane, without an adapter.
+        ValueError: a tightened lane without an adapter.
     """
-    if adapter is None:
-        for what, wanted in (("the lane is tightened", kappa > 0.0), ("a detector judges", detector is not None)):
-            if wanted:
-                raise ValueError(f"{what} by an adapter's belief; give an adapter too (perhaps a frozen one)")
+    if kappa <= 0.0:
         return None
-    return LaneTightening(adapter.model.sigma, kappa) if kappa > 0.0 else None
+    if adapter is None:
+        raise ValueError("the lane is tightened by an adapter's belief; give an adapter too (perhaps a frozen one)")
+    return LaneTightening(adapter.model.sigma, kappa)
 
 
 class Learners(NamedTuple):
@@ -33,7 +29,6 @@ class Learners(NamedTuple):
 
     model: StepModel | None
     adapter: BayesianAdapter | None
-    detector: OutOfDistributionDetector | None
     tightening: LaneTightening | None
 
     @property
@@ -50,7 +45,7 @@ class Learners(NamedTuple):
         theta: OutputPort | None,
         trusted: OutputPort | None = None,
     ) -> None:
-        """Adds the adapter, whose belief the controller plans with, the detector, which watches it, and the observer.
+        """Adds the adapter, whose belief the controller plans with, and the observer.
 
         Args:
             theta: what a correction gives the model, if there is one; trusted: of the monitor, if the adapter is to
@@ -61,14 +56,12 @@ class Learners(NamedTuple):
         """
         if trusted is not None and self.adapter is None:
             raise ValueError("it is an adapter that forgets; give one, or another policy than forget")
-        for name, system in (("adapter", self.adapter), ("detector", self.detector)):
-            if system is not None:
-                builder.AddNamedSystem(name, system)
-                builder.Connect(measured_state, system.GetInputPort("measured_state"))
-                builder.Connect(command, system.GetInputPort("command"))
         if theta is not None:
             builder.Connect(theta, controller.GetInputPort("theta"))
         if self.adapter is not None:
+            builder.AddNamedSystem("adapter", self.adapter)
+            builder.Connect(measured_state, self.adapter.GetInputPort("measured_state"))
+            builder.Connect(command, self.adapter.GetInputPort("command"))
             self._connect_belief(builder, controller, self.adapter)
             if trusted is not None:
                 builder.Connect(trusted, self.adapter.GetInputPort("trusted"))
@@ -80,9 +73,6 @@ class Learners(NamedTuple):
         if self.tightening is not None:
             covariance = adapter.GetOutputPort("posterior_covariance")
             builder.Connect(covariance, controller.GetInputPort("posterior_covariance"))
-        if self.detector is not None:
-            for name in ("parameters", "posterior_covariance"):
-                builder.Connect(adapter.GetOutputPort(name), self.detector.GetInputPort(name))
 
     def _connect_observer(
         self, builder: DiagramBuilder, controller: MpcController, ports: dict[str, OutputPort | None]
@@ -104,8 +94,6 @@ class Learners(NamedTuple):
             builder.Connect(internal, self.adapter.GetInputPort("lagged_command"))
             internal = self.adapter.GetOutputPort("internal_states")
         builder.Connect(internal, controller.GetInputPort("internal_states"))
-        if self.detector is not None:
-            builder.Connect(internal, self.detector.GetInputPort("lagged_command"))
 
 
 def check_planner(learners: Learners, controller: Controller | System | None) -> None:

@@ -164,7 +164,39 @@ class Controller(Protocol):
         """
 
 
-class ControllerSystem(LeafSystem):
+class PlanningSystem(LeafSystem):
+    """Plans at a fixed rate. Where there is no plan, the last one stays in force, and the failure is counted.
+
+    Ports and state: see `ControllerSystem`.
+    """
+
+    def __init__(self, horizon: int, period: float, delay: float) -> None:
+        LeafSystem.__init__(self)
+        self._horizon, self._delay = horizon, delay
+        nothing = dict.fromkeys(SolveStatistics._fields, np.nan)
+        self._nothing = SolveStatistics(**nothing | {"failed": 0.0, "failures": 0.0, "seconds": 0.0})
+        self._measured = self.DeclareVectorInputPort("measured_state", 7)
+        self._plan = self.DeclareDiscreteState(no_plan(horizon))
+        self._statistics = self.DeclareDiscreteState(np.array(self._nothing))
+        declare_update(self, period, self._replan)
+        for name, index in (("plan", self._plan), ("statistics", self._statistics)):
+            self.DeclareStateOutputPort(name, index)
+
+    def _replan(self, context: Context, discrete: DiscreteValues) -> None:
+        failures = SolveStatistics(*context.get_discrete_state(self._statistics).value()).failures
+        plan, seconds = self._found(context)
+        failed = float(plan is None)
+        statistics = self._nothing._replace(failed=failed, failures=failures + failed, seconds=seconds)
+        discrete.set_value(self._statistics, np.array(statistics))
+        if plan is not None:
+            discrete.set_value(self._plan, plan.vector())
+
+    def _found(self, context: Context) -> tuple[Plan | None, float]:
+        """(the plan from now on, if there is one; the wall time that it took [s])."""
+        raise NotImplementedError
+
+
+class ControllerSystem(PlanningSystem):
     """A `Controller` as a system that is asked at a fixed rate; its plans are in force `delay` later.
 
     Where it finds nothing, or nothing finite, and where nothing finite is measured, the last plan stays in force, and
@@ -190,30 +222,15 @@ class ControllerSystem(LeafSystem):
     """
 
     def __init__(self, controller: Controller, horizon: int = 25, period: float = 0.01, delay: float = 0.01) -> None:
-        LeafSystem.__init__(self)
-        self._controller, self._horizon, self._delay = controller, horizon, delay
-        nothing = dict.fromkeys(SolveStatistics._fields, np.nan)
-        self._nothing = SolveStatistics(**nothing | {"failed": 0.0, "failures": 0.0, "seconds": 0.0})
-        self._measured = self.DeclareVectorInputPort("measured_state", 7)
-        self._plan = self.DeclareDiscreteState(no_plan(horizon))
-        self._statistics = self.DeclareDiscreteState(np.array(self._nothing))
-        declare_update(self, period, self._replan)
-        for name, index in (("plan", self._plan), ("statistics", self._statistics)):
-            self.DeclareStateOutputPort(name, index)
+        super().__init__(horizon, period, delay)
+        self._controller = controller
 
-    def _replan(self, context: Context, discrete: DiscreteValues) -> None:
-        measured, now = self._measured.Eval(context), context.get_time()
-        failures = SolveStatistics(*context.get_discrete_state(self._statistics).value()).failures
-        began = time.perf_counter()
-        plan = self._found(measured, now)
-        seconds = time.perf_counter() - began
-        failed = float(plan is None)
-        statistics = self._nothing._replace(failed=failed, failures=failures + failed, seconds=seconds)
-        discrete.set_value(self._statistics, np.array(statistics))
-        if plan is not None:
-            discrete.set_value(self._plan, plan.vector())
+    def _found(self, context: Context) -> tuple[Plan | None, float]:
+        measured, began = self._measured.Eval(context), time.perf_counter()
+        plan = self._asked(measured, context.get_time())
+        return plan, time.perf_counter() - began
 
-    def _found(self, measured: Array, now: float) -> Plan | None:
+    def _asked(self, measured: Array, now: float) -> Plan | None:
         """The plan from a measured state, on this system's steps; None where there is none."""
         if not np.isfinite(measured).all():
             return None

@@ -169,9 +169,7 @@ class LineSearchSqp:
                 break
             blocks = stages.hessian if options.gauss_newton else self._lagrangian_blocks(z, y)
             point = _Point(z, y, residual, f, extra_cost, numbers, blocks)
-            # Where OSQP was too slow once, it will be again.
-            interior = bool(iterations) and iterations[-1].second_attempt
-            step, trials, z, y, residual, extra_cost, penalty, qp = self._step(point, penalty, interior)
+            step, trials, z, y, residual, extra_cost, penalty, qp = self._step(point, penalty)
             seconds = time.perf_counter() - start
             iterations.append(
                 SqpIteration(step, trials, cost, primal_residual, dual, penalty, *qp[2:], seconds=seconds)
@@ -192,12 +190,12 @@ class LineSearchSqp:
                 break
         return SqpResult(z, y, cost, primal_residual, status, iterations)
 
-    def _step(self, point: _Point, penalty: float, interior: bool) -> _Step:
+    def _step(self, point: _Point, penalty: float) -> _Step:
         """The step to the QP's solution, shortened until the merit function falls enough."""
         options, extra, numbers, stages = self.options, self.problem.extra_cost, point.numbers, self.problem.stages
         offset = numbers.gradient - blocks_times(point.blocks, stages.columns, point.z)
         model = stages._replace(hessian=point.blocks, gradient=offset)
-        qp = self.workspace.solve(model, point.f, numbers.target, point.z, point.y, interior)
+        qp = self.workspace.solve(model, point.f, numbers.target, point.z, point.y)
         if not qp.usable:
             return _Step(0.0, 0, point.z, point.y, point.residual, point.extra_cost, penalty, qp)
         direction = qp.z - point.z

@@ -8,9 +8,8 @@ from pydrake.systems.framework import Context, Diagram, DiagramBuilder, Discrete
 from drift_drake.car.single_track.motion import INPUTS, STATES
 from drift_drake.common.selector import select_signals
 from drift_drake.common.updates import declare_output, declare_update
-from drift_drake.drive.mpc.controller import Controller, ControllerSystem, InvalidControllerError
-from drift_drake.drive.mpc.mpc import SolveStatistics
-from drift_drake.drive.mpc.plan import Plan, no_plan
+from drift_drake.drive.mpc.controller import Controller, ControllerSystem, InvalidControllerError, PlanningSystem
+from drift_drake.drive.mpc.plan import Plan
 
 MEASURED = len(STATES) + 1  # and the path position
 
@@ -36,7 +35,7 @@ class HeldReading(LeafSystem):
         discrete.set_value(self._held, self._reading(context))
 
 
-class CommandPlans(LeafSystem):
+class CommandPlans(PlanningSystem):
     """Samples commands each `period`: plans that hold them, in force `delay` later.
 
     Where a command is not finite, and where nothing finite is measured, the last plan goes on, and the failure is
@@ -47,29 +46,14 @@ class CommandPlans(LeafSystem):
     """
 
     def __init__(self, horizon: int, period: float, delay: float) -> None:
-        LeafSystem.__init__(self)
-        self._horizon, self._delay = horizon, delay
-        nothing = dict.fromkeys(SolveStatistics._fields, np.nan)
-        self._nothing = SolveStatistics(**nothing | {"failed": 0.0, "failures": 0.0, "seconds": 0.0})
+        super().__init__(horizon, period, delay)
         self._command = self.DeclareVectorInputPort("command", len(INPUTS))
-        self._measured = self.DeclareVectorInputPort("measured_state", MEASURED)
-        self._plan = self.DeclareDiscreteState(no_plan(horizon))
-        self._statistics = self.DeclareDiscreteState(np.array(self._nothing))
-        declare_update(self, period, self._update)
-        for name, index in (("plan", self._plan), ("statistics", self._statistics)):
-            self.DeclareStateOutputPort(name, index)
 
-    def _update(self, context: Context, discrete: DiscreteValues) -> None:
+    def _found(self, context: Context) -> tuple[Plan | None, float]:
         command = self._command.Eval(context)
-        found = np.isfinite(command).all() and np.isfinite(self._measured.Eval(context)).all()
-        failures = SolveStatistics(*context.get_discrete_state(self._statistics).value()).failures
-        failed = float(not found)
-        discrete.set_value(
-            self._statistics, np.array(self._nothing._replace(failed=failed, failures=failures + failed))
-        )
-        if found:
-            plan = Plan(context.get_time() + self._delay, np.tile(command, (self._horizon + 1, 1)))
-            discrete.set_value(self._plan, plan.vector())
+        if not (np.isfinite(command).all() and np.isfinite(self._measured.Eval(context)).all()):
+            return None, 0.0
+        return Plan(context.get_time() + self._delay, np.tile(command, (self._horizon + 1, 1))), 0.0
 
 
 class SystemController(Diagram):

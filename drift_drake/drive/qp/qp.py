@@ -14,7 +14,7 @@ from drift_drake.drive.qp.interior_point import FIRST_ATTEMPT
 from drift_drake.drive.qp.stages import Stages, dynamics_pattern
 from drift_drake.drive.qp.stagewise_qp import solve_stages
 
-QpMethod = Literal["osqp", "osqp then stagewise", "stagewise"]
+QpMethod = Literal["osqp", "stagewise"]
 
 
 class QpSolution(NamedTuple):
@@ -24,7 +24,7 @@ class QpSolution(NamedTuple):
     y: Array
     status: str  # in OSQP's words
     iterations: int
-    second_attempt: bool = False  # the first method, or its first start, did not solve it
+    second_attempt: bool = False  # the interior-point method's first start did not solve it
 
     @property
     def usable(self) -> bool:
@@ -124,33 +124,16 @@ def row_limits(stages: Stages, target: Array) -> tuple[Array, Array]:
 
 
 class QpWorkspace:
-    """Solves QPs of one pattern by an interior-point method that uses their stages, or by OSQP.
-
-    With `method` "osqp then stagewise" a QP that OSQP does not solve in its iterations goes to the other.
-    """
+    """Solves QPs of one pattern by an interior-point method that uses their stages, or by OSQP."""
 
     def __init__(self, stages: Stages, options: QpOptions) -> None:
         self._tolerance = options.interior_tolerance
-        self._stagewise = "stagewise" in options.method
-        self._osqp = StagesByOsqp(stages, options) if "osqp" in options.method else None
+        self._osqp = StagesByOsqp(stages, options) if options.method == "osqp" else None
 
-    def solve(self, stages: Stages, f: Array, target: Array, z: Array, y: Array, interior: bool = False) -> QpSolution:
-        """Solves the QP of the stages and of the dynamics F_k z_k - x_{k+1} = target_k, from (z, y).
-
-        With `interior` OSQP is not tried, where there is the other method. What neither solves has OSQP's iterate.
-        """
-        if self._osqp is None:
-            return self._interior(stages, f, target, z)
-        if interior and self._stagewise:
-            return self._interior(stages, f, target, z)._replace(second_attempt=True)
-        first = solution = self._osqp.solve(stages, f, target, z, y)
-        if self._stagewise and first.status != "solved":
-            other = self._interior(stages, f, target, z)
-            solution = other if other.status == "solved" else first
-            solution = solution._replace(iterations=first.iterations + other.iterations, second_attempt=True)
-        return solution
-
-    def _interior(self, stages: Stages, f: Array, target: Array, z: Array) -> QpSolution:
+    def solve(self, stages: Stages, f: Array, target: Array, z: Array, y: Array) -> QpSolution:
+        """Solves the QP of the stages and of the dynamics F_k z_k - x_{k+1} = target_k, from (z, y)."""
+        if self._osqp is not None:
+            return self._osqp.solve(stages, f, target, z, y)
         z, y, solved, count = solve_stages(stages, f, target, z, self._tolerance)
         status = "solved" if solved else "maximum iterations reached"
         return QpSolution(z, y, status, count, count > FIRST_ATTEMPT)

@@ -21,7 +21,7 @@ from scipy.special import stdtrit
 from drift_drake.car.car_file import PlantParameters, plant_of
 from drift_drake.car.effects.record import wheelbase
 from drift_drake.car.given_vehicle import Vehicle, vehicle_given
-from drift_drake.car.log.given import Logs, logs_given
+from drift_drake.car.log.cases import Logs, logs_given
 from drift_drake.car.log.table import Run
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.common.standard_output import Progress

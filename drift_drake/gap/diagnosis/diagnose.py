@@ -11,8 +11,7 @@ from typing import Any
 
 from drift_drake.car.effects.catalogue import CATALOGUE
 from drift_drake.car.given_vehicle import Vehicle, single_track_of, vehicle_given
-from drift_drake.car.log.cases import case_folders, case_name
-from drift_drake.car.log.given import Logs, logs_given
+from drift_drake.car.log.cases import Logs, case_folders, case_name, logs_given
 from drift_drake.car.log.table import InvalidLogError, Run, read_case, stated_noise
 from drift_drake.car.parameters import CarParameters
 from drift_drake.common.errors import DriftDrakeError, InvalidOptionError

@@ -17,7 +17,7 @@ from drift_drake.car.effects.catalogue import CATALOGUE, fitted
 from drift_drake.car.equations import kind_of
 from drift_drake.car.foreign.simulator_car import SimulatorCar
 from drift_drake.car.given_vehicle import Vehicle, vehicle_given
-from drift_drake.car.log.given import GivenLogs, Logs, logs_given
+from drift_drake.car.log.cases import GivenLogs, Logs, logs_given
 from drift_drake.car.log.table import InvalidLogError, Run, read_case, stated_noise
 from drift_drake.car.parameters import CarParameters, InvalidVehicleError, VehicleParameters
 from drift_drake.common.standard_output import Progress

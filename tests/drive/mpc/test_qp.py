@@ -14,7 +14,7 @@ from drift_drake.car.step_model import NominalStepModel
 from drift_drake.drive.gathering.config import LaneDrive, bound_end, bound_slip, problem_data
 from drift_drake.drive.mpc.ocp import OptimalControlProblem
 from drift_drake.drive.qp.products import cost_times
-from drift_drake.drive.qp.qp import QpMethod, QpOptions, QpSolution, QpWorkspace, constraint_matrix, row_limits
+from drift_drake.drive.qp.qp import QpOptions, QpSolution, QpWorkspace, constraint_matrix, row_limits
 from drift_drake.drive.qp.stages import Stages
 from drift_drake.drive.reference.trajectory import Reference
 
@@ -100,24 +100,20 @@ def workspace(reference: Reference | None, options: QpOptions = OPTIONS) -> tupl
     return qps, arguments
 
 
-def solve(qps: QpWorkspace, arguments: Arguments, interior: bool = False) -> QpSolution:
+def solve(qps: QpWorkspace, arguments: Arguments) -> QpSolution:
     stages = arguments[0]
-    return qps.solve(*arguments, np.zeros(stages.gradient.size), np.zeros(stages.multiplier_count), interior)
+    return qps.solve(*arguments, np.zeros(stages.gradient.size), np.zeros(stages.multiplier_count))
 
 
 @pytest.mark.parametrize("name", ["figure_8", None])
-@pytest.mark.parametrize(
-    ("method", "interior"), [("stagewise", False), ("osqp then stagewise", False), ("osqp then stagewise", True)]
-)
 def test_the_interior_point_method_meets_the_optimality_conditions(
-    references: dict[str, Reference], method: QpMethod, interior: bool, name: str | None
+    references: dict[str, Reference], name: str | None
 ) -> None:
     """Karush, Kuhn and Tucker's, with OSQP's signs of the multipliers."""
-    qps, problems = workspace(name and references[name], dataclasses.replace(OPTIONS, method=method))
+    qps, problems = workspace(name and references[name], OPTIONS)
     for arguments in problems:
-        found = solve(qps, arguments, interior)
+        found = solve(qps, arguments)
         assert found.status == "solved"
-        assert method == "stagewise" or found.second_attempt
         stages, f, target = arguments
         matrix, (low, high) = constraint_matrix(stages, f), row_limits(stages, target)
         rows = matrix @ found.z
@@ -146,7 +142,7 @@ def test_the_two_methods_agree(references: dict[str, Reference], name: str | Non
 
 
 def test_the_interior_point_method_replays_to_the_bit(references: dict[str, Reference]) -> None:
-    qps, problems = workspace(references["figure_8"], dataclasses.replace(OPTIONS, method="osqp then stagewise"))
+    qps, problems = workspace(references["figure_8"], OPTIONS)
     first = [solve(qps, arguments) for arguments in problems]
     for index in (2, 0, 0, 1, 2, 1):
         again = solve(qps, problems[index])

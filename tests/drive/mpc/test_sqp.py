@@ -193,17 +193,6 @@ def test_the_merit_function_of_a_real_time_iteration_is_exact(references: dict[s
     assert LineSearchSqp(exact.problem, weak).solve(guess).iterations[0].penalty < np.abs(result.y).max()
 
 
-def test_qps_that_osqp_leaves_unsolved_go_to_the_interior_point_method(references: dict[str, Reference]) -> None:
-    exact, guess = posed(references)
-    both = SqpOptions.real_time(2, "osqp then stagewise")
-    short = dataclasses.replace(both, qp=dataclasses.replace(both.qp, max_iterations=1), defect_tolerance=None)
-    first, second = LineSearchSqp(exact.problem, short).solve(guess).iterations
-    assert first.qp_status == second.qp_status == "solved"
-    assert first.second_attempt
-    assert second.second_attempt
-    assert 1 < second.qp_iterations < first.qp_iterations + 10
-
-
 def test_a_solve_depends_on_its_arguments_alone(references: dict[str, Reference]) -> None:
     """The workspace's history leaves no trace: the same call gives the same bits after other problems."""
     problem = OptimalControlProblem(NominalStepModel(PARAMETERS), PARAMETERS, 10)

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from drift_drake.car.log.given import logs_given
+from drift_drake.car.log.cases import logs_given
 from drift_drake.car.log.table import InvalidLogError, Run, write_run
 
 

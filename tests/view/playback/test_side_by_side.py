@@ -5,10 +5,9 @@ import dataclasses
 import numpy as np
 import pytest
 
-from diagrams.replay import wide_table
+from diagrams.replay import side_by_side, wide_table
 from drift_drake.car.log.table import InvalidLogError
 from drift_drake.car.parameters import VehicleParameters
-from drift_drake.view.pictures.time_series import side_by_side
 from drift_drake.view.playback.play import compare, drawn
 from drift_drake.view.playback.side_by_side import CarModel, SideBySide, windows
 

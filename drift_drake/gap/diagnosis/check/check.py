@@ -4,7 +4,7 @@ import dataclasses
 from typing import TYPE_CHECKING, Any
 
 from drift_drake.car.given_vehicle import Vehicle, vehicle_given
-from drift_drake.car.log.given import Logs, logs_given
+from drift_drake.car.log.cases import Logs, logs_given
 from drift_drake.common.errors import InvalidOptionError
 from drift_drake.gap.logs.screening.consistency import consistency_of
 from drift_drake.gap.logs.screening.repeated import without_repeated

@@ -16,7 +16,7 @@ from drift_drake.car.effects.magnitudes import Effects
 from drift_drake.car.equations import kind_of
 from drift_drake.car.foreign.simulator_car import SimulatorCar
 from drift_drake.car.given_vehicle import Vehicle, single_track_of, vehicle_given
-from drift_drake.car.log.given import GivenLogs
+from drift_drake.car.log.cases import GivenLogs
 from drift_drake.car.log.table import Run
 from drift_drake.car.parameters import CarParameters, VehicleParameters
 from drift_drake.common.errors import significant

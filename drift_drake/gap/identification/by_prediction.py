@@ -80,10 +80,17 @@ def is_held(run: WindowedRun, rows: np.ndarray) -> np.ndarray:
 
 
 def split(
-    runs: Sequence[WindowedRun], most: int = MOST_WINDOWS, most_judged: int = MOST_JUDGED
-) -> tuple[list[WindowedRun], list[WindowedRun]]:
-    """Windows to fit, outside the held-out blocks, and windows to judge by: every row that starts in a block."""
+    runs: Sequence[WindowedRun], most: int = MOST_WINDOWS, most_judged: int = MOST_JUDGED,
+    validation: Sequence[WindowedRun] = (),
+) -> tuple[list[WindowedRun], list[WindowedRun]]:  # fmt: skip
+    """Windows to fit, outside the held-out blocks, and windows to judge by: every row that starts in a block.
+
+    validation: runs that are kept to judge by, in place of blocks.
+    """
     fitted, judged = [], []
+    if validation:
+        fitted = thinned(runs, most)
+        return fitted, thinned([dataclasses.replace(run, starts=row_by_row(run)) for run in validation], most_judged)
     for some, run in zip(thinned(runs, most), runs, strict=True):
         starts, end = is_held(some, some.starts), is_held(some, some.starts + HORIZONS * some.stride_rows)
         fitted.append(dataclasses.replace(some, starts=some.starts[~starts & ~end]))
@@ -105,13 +112,15 @@ def row_by_row(run: WindowedRun) -> np.ndarray:
 def fit_by_prediction(
     runs: Sequence[WindowedRun], first: CarParameters, effects: Effects, own: Sequence[str],
     candidates: Sequence[str], stated: frozenset[str], seen: Sequence[str], progress: Progress,
+    validation: Sequence[WindowedRun] = (),
 ) -> PredictionFit:  # fmt: skip
     """Calibrates a car on windows.
 
     Args:
         first, effects: the first guess; own: deviations of its parameters that are unknown (`unknowns.OWN`);
         candidates: further effects, taken in together where held-out windows ask for them; stated: tolerances that
-            the vehicle file states; seen: effects that the columns can show.
+            the vehicle file states; seen: effects that the columns can show; validation: what it is judged by, in place
+            of blocks of the windows.
 
     Raises:
         InvalidVehicleError: what predicts best is no car.
@@ -120,7 +129,7 @@ def fit_by_prediction(
     base = [*(unknown(name, vehicle, stated) for name in own), *deviations_of(constants)]
     more = [unknown(name, vehicle, stated) for name in candidates]
     most = affordable(constants, runs, MOST_WINDOWS)
-    fitted, judged = split(runs, most, MOST_JUDGED * most // MOST_WINDOWS)
+    fitted, judged = split(runs, most, MOST_JUDGED * most // MOST_WINDOWS, validation)
 
     def fitted_to(
         some: Sequence[WindowedRun], unknowns: Sequence[Unknown], start: np.ndarray | None = None

@@ -84,7 +84,7 @@ def test_stretches_for_validation_are_chosen_in_a_timeline_or_in_words(folder, w
         start, end = (float(q) for q in span.removeprefix("run_0:").split("-"))
         assert (start, end) == pytest.approx((6.0, 12.0), abs=0.2)
         page.locator("code", has_text=f"--validation run_0:{start}-{end}").wait_for()
-        words = page.get_by_label("for validation [s]: all, or 5-12, 20-25 of run_0")
+        words = page.get_by_label("run_0, for validation [s]")
         assert words.input_value() == f"{start}-{end}"
         words.fill("2-5 8-9.5")
         page.keyboard.press("Enter")

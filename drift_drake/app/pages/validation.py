@@ -53,8 +53,8 @@ async def _drawn(project: Project, day: str, data: dict[str, Any], place: Any) -
         with box("div", "fields"):
             for run in found:
                 written = partial(_written, project, day, run.name)
-                field("for validation [s]: all, or 5-12, 20-25", kept[run.name], written, "text", of=run.name,
-                      placeholder="none")  # fmt: skip
+                field(f"{run.name}, for validation [s]", kept[run.name], written, "text",
+                      placeholder="all, or 5-12, 20-25")  # fmt: skip
 
 
 def spans_of(run: str, stretches: Sequence[Any]) -> str:

@@ -87,10 +87,10 @@ def split(
 
     validation: runs that are kept to judge by, in place of blocks.
     """
-    fitted, judged = [], []
     if validation:
-        fitted = thinned(runs, most)
-        return fitted, thinned([dataclasses.replace(run, starts=row_by_row(run)) for run in validation], most_judged)
+        every_row = [dataclasses.replace(run, starts=row_by_row(run)) for run in validation]
+        return thinned(runs, most), thinned(every_row, most_judged)
+    fitted, judged = [], []
     for some, run in zip(thinned(runs, most), runs, strict=True):
         starts, end = is_held(some, some.starts), is_held(some, some.starts + HORIZONS * some.stride_rows)
         fitted.append(dataclasses.replace(some, starts=some.starts[~starts & ~end]))
@@ -119,8 +119,7 @@ def fit_by_prediction(
     Args:
         first, effects: the first guess; own: deviations of its parameters that are unknown (`unknowns.OWN`);
         candidates: further effects, taken in together where held-out windows ask for them; stated: tolerances that
-            the vehicle file states; seen: effects that the columns can show; validation: what it is judged by, in place
-            of blocks of the windows.
+            the vehicle file states; seen: effects that the columns can show; validation: held out, in place of blocks.
 
     Raises:
         InvalidVehicleError: what predicts best is no car.
@@ -152,8 +151,7 @@ def fit_by_prediction(
     fit = fitted_to(thinned(runs, most), chosen, best.theta)
     kept = [u for u, q in zip(chosen, fit.theta, strict=True) if u in base or abs(q) > KEEPS * u.unit]
     if len(kept) < len(chosen):
-        at = [fit.names.index(u.name) for u in kept]
-        fit = fitted_to(thinned(runs, most), kept, fit.theta[at])
+        fit = fitted_to(thinned(runs, most), kept, fit.theta[[fit.names.index(u.name) for u in kept]])
     progress("baseline residuals", 0.85)
     now, among = with_found(constants, effects, magnitudes(fit.names, fit.theta))
     car, rest = folded(first.with_constants(now), among)

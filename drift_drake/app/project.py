@@ -123,7 +123,7 @@ class Project:
         return days
 
     def day(self, day: str, data: dict[str, Any] | None = None) -> dict[str, Any]:
-        """What is said of a day: `start`, `end` [s], `baseline`, `accepted`, `own_mapping`."""
+        """What is said of a day: `start`, `end` [s], `baseline`, `accepted`, `own_mapping`, `validation`."""
         found = (data or self.read())["days"].get(day)
         return found if isinstance(found, dict) else {}
 

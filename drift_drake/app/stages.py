@@ -98,6 +98,13 @@ def baseline(project: Project, data: dict[str, Any]) -> list[str]:
     return [day for day in days if project.day(day, data).get("baseline")] or days[:1]
 
 
+def validation(project: Project, data: dict[str, Any]) -> list[str]:
+    """Runs of the baseline's days, and stretches of them, that nothing is fitted to (`identify --validation`)."""
+    days = baseline(project, data)
+    return [f"{day}/{one}" if len(days) > 1 else str(one)
+            for day in days for one in project.day(day, data).get("validation") or []]  # fmt: skip
+
+
 def calibrate(project: Project, data: dict[str, Any]) -> Stage:
     """The calibration on the baseline's days."""
     days, options = baseline(project, data), data["options"]
@@ -105,6 +112,8 @@ def calibrate(project: Project, data: dict[str, Any]) -> Stage:
     words = ["identify", *logs, "--vehicle", first_guess(data), "--out", CALIBRATED, "--json", CALIBRATION]
     words += ["--report", CALIBRATION_REPORT]
     words += [word for name in ("criterion", "car") if options.get(name) for word in (f"--{name}", str(options[name]))]
+    kept = validation(project, data)
+    words += ["--validation", *kept] if kept else []
 
     def refused() -> str | None:
         now = project.read()

@@ -8,6 +8,7 @@ from drift_drake.app.jobs import Jobs
 from drift_drake.app.looks import predicted
 from drift_drake.app.pages.figures import Chart
 from drift_drake.app.pages.parts import box, button, choice, frame_of, or_why, run_button, saying, section, table, text
+from drift_drake.app.pages.validation import validation_part
 from drift_drake.app.project import CALIBRATED, CALIBRATION, CALIBRATION_REPORT, Project
 from drift_drake.app.recordings import Recordings
 from drift_drake.common.errors import DriftDrakeError, significant
@@ -21,6 +22,7 @@ KINDS = {"known": "held by its tolerance", "unseen": "kept: not shown by these d
 def calibrate_page(project: Project, _readings: Recordings, jobs: Jobs, data: dict[str, Any]) -> None:
     """The page's content."""
     stage = stages.calibrate(project, data)
+    validation_part(project, data)
     with section("Calibration"):
         days = stages.baseline(project, data)
         text("p", f"On {', '.join(days)} (chosen under Logs)." if days else "No day yet (Logs).", "note")

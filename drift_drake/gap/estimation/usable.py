@@ -108,7 +108,7 @@ def usable_parts(
                 lost[kind] = lost.get(kind, 0.0) + float(np.count_nonzero(rows)) * run.period
         for number, (a, b) in enumerate(parts):
             name = run.name if len(parts) == 1 else f"{run.name}_{number}"
-            part = dataclasses.replace(run.rows(a, b), name=name, recording=run.name)
+            part = dataclasses.replace(run.rows(a, b), name=name, recording=run.recording or run.name)
             kept.append(turned_back(part) if back[a] else part)
     if len(warnings) > LISTED:
         warnings = [_in_all(runs, kept, lost, len(warnings))]

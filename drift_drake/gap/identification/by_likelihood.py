@@ -27,7 +27,14 @@ from drift_drake.gap.identification.estimate import (
     shown_effects,
     widened,
 )
-from drift_drake.gap.identification.held_out import HeldOut, held_out_error, held_out_rows, squares_of, without_fold
+from drift_drake.gap.identification.held_out import (
+    HeldOut,
+    held_out_error,
+    held_out_rows,
+    judged_by,
+    squares_of,
+    without_fold,
+)
 from drift_drake.gap.identification.model_discrepancy import model_discrepancy, widening
 
 R_OVER_Q = (1.0, 3.0, 10.0)  # that are tried in turn
@@ -48,9 +55,11 @@ NO_PEAK = (
 
 def identify_by_likelihood(
     runs: Sequence[Run], vehicle: VehicleParameters, effects: Effects, case: str, known: Sequence[str],
-    names: Sequence[str], stated: Mapping[str, float] | None, tell: Progress,
+    names: Sequence[str], stated: Mapping[str, float] | None, tell: Progress, validation: Sequence[Run] = (),
 ) -> Identification:  # fmt: skip
     """Calibrates a car on usable runs; see `identify.identify`.
+
+    validation: runs that it is judged by, in place of rows that are held out at first.
 
     Raises:
         InvalidLogError: no run is long enough for rows to be held out, or the likelihood has no peak.
@@ -71,10 +80,14 @@ def identify_by_likelihood(
     best = least_r_over_q_fit(problem, chosen, (first, first_guess(problem, chosen, effects, HARDLY)), tell)
     tell("all rows", 0.8)
     found = estimate(problem, chosen, best.theta, best.trust.noise / best.trust.process)
-    held = held_out_rows(
-        problem, squares_of(problem, *guess_as_stated(problem, first, chosen, effects), held=True),
-        squares_of(problem, best.theta, best.names, held=True),
-    )  # fmt: skip
+    guess = guess_as_stated(problem, first, chosen, effects)
+    if validation:
+        judging = make_problem(validation, wide, stated=stated).replace(ranges=problem.ranges)
+        held = judged_by(judging, problem, guess, (found.theta, found.names))
+    else:
+        held = held_out_rows(
+            problem, squares_of(problem, *guess, held=True), squares_of(problem, best.theta, best.names, held=True)
+        )
     tell("intervals", 0.95)
     asked_for = summarise(found, vehicle, effects, known)[0]
     dropped = [n for n in chosen if asked_for[n].low <= 0.0 <= asked_for[n].high]

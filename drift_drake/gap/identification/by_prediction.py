@@ -80,9 +80,16 @@ def is_held(run: WindowedRun, rows: np.ndarray) -> np.ndarray:
 
 
 def split(
-    runs: Sequence[WindowedRun], most: int = MOST_WINDOWS, most_judged: int = MOST_JUDGED
-) -> tuple[list[WindowedRun], list[WindowedRun]]:
-    """Windows to fit, outside the held-out blocks, and windows to judge by: every row that starts in a block."""
+    runs: Sequence[WindowedRun], most: int = MOST_WINDOWS, most_judged: int = MOST_JUDGED,
+    validation: Sequence[WindowedRun] = (),
+) -> tuple[list[WindowedRun], list[WindowedRun]]:  # fmt: skip
+    """Windows to fit, outside the held-out blocks, and windows to judge by: every row that starts in a block.
+
+    validation: runs that are kept to judge by, in place of blocks.
+    """
+    if validation:
+        every_row = [dataclasses.replace(run, starts=row_by_row(run)) for run in validation]
+        return thinned(runs, most), thinned(every_row, most_judged)
     fitted, judged = [], []
     for some, run in zip(thinned(runs, most), runs, strict=True):
         starts, end = is_held(some, some.starts), is_held(some, some.starts + HORIZONS * some.stride_rows)
@@ -105,13 +112,14 @@ def row_by_row(run: WindowedRun) -> np.ndarray:
 def fit_by_prediction(
     runs: Sequence[WindowedRun], first: CarParameters, effects: Effects, own: Sequence[str],
     candidates: Sequence[str], stated: frozenset[str], seen: Sequence[str], progress: Progress,
+    validation: Sequence[WindowedRun] = (),
 ) -> PredictionFit:  # fmt: skip
     """Calibrates a car on windows.
 
     Args:
         first, effects: the first guess; own: deviations of its parameters that are unknown (`unknowns.OWN`);
         candidates: further effects, taken in together where held-out windows ask for them; stated: tolerances that
-            the vehicle file states; seen: effects that the columns can show.
+            the vehicle file states; seen: effects that the columns can show; validation: held out, in place of blocks.
 
     Raises:
         InvalidVehicleError: what predicts best is no car.
@@ -120,7 +128,7 @@ def fit_by_prediction(
     base = [*(unknown(name, vehicle, stated) for name in own), *deviations_of(constants)]
     more = [unknown(name, vehicle, stated) for name in candidates]
     most = affordable(constants, runs, MOST_WINDOWS)
-    fitted, judged = split(runs, most, MOST_JUDGED * most // MOST_WINDOWS)
+    fitted, judged = split(runs, most, MOST_JUDGED * most // MOST_WINDOWS, validation)
 
     def fitted_to(
         some: Sequence[WindowedRun], unknowns: Sequence[Unknown], start: np.ndarray | None = None
@@ -143,8 +151,7 @@ def fit_by_prediction(
     fit = fitted_to(thinned(runs, most), chosen, best.theta)
     kept = [u for u, q in zip(chosen, fit.theta, strict=True) if u in base or abs(q) > KEEPS * u.unit]
     if len(kept) < len(chosen):
-        at = [fit.names.index(u.name) for u in kept]
-        fit = fitted_to(thinned(runs, most), kept, fit.theta[at])
+        fit = fitted_to(thinned(runs, most), kept, fit.theta[[fit.names.index(u.name) for u in kept]])
     progress("baseline residuals", 0.85)
     now, among = with_found(constants, effects, magnitudes(fit.names, fit.theta))
     car, rest = folded(first.with_constants(now), among)

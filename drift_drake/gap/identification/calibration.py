@@ -86,6 +86,7 @@ class Calibration:
     disagreed: dict[str, str] = dataclasses.field(default_factory=dict)  # parameters, and who pulls each the most
     driving: Driving | None = None
     outlook: Outlook = dataclasses.field(default_factory=dict)  # detection limits, after more recordings too
+    validation: tuple[str, ...] = ()  # stretches that were kept to judge by; none: blocks of all runs
 
     @property
     def identified(self) -> list[str]:

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from drift_drake.gap.estimation.problem import Problem
+from drift_drake.gap.estimation.problem import NUISANCES, Problem
 from drift_drake.gap.estimation.reduction import (
     BLOCK,
     HORIZONS,
@@ -72,6 +72,24 @@ def squares_of(problem: Problem, theta: np.ndarray, names: Sequence[str], held: 
         part[rows[start_rows(run)] == held][..., judged_states(problem)]
         for run, rows, part in zip(problem.runs, in_fold(problem), errors, strict=True)
     ]
+
+
+def judged_by(
+    validation: Problem, fitted: Problem, before: tuple[np.ndarray, Sequence[str]],
+    after: tuple[np.ndarray, Sequence[str]],
+) -> HeldOut:  # fmt: skip
+    """Errors on runs of which nothing was fitted.
+
+    Args:
+        validation: these runs; fitted: the others; before, after: theta of `fitted` and effects of two cars.
+    """
+    squares = []
+    for theta, names in (before, after):
+        car, effects = theta[: len(NUISANCES)], theta[fitted.nuisances :]
+        own = np.concatenate([car, np.zeros(validation.nuisances - len(NUISANCES)), effects])
+        errors = errors_of(validation, own, names)
+        squares.append([part[..., judged_states(validation)] for part in errors])
+    return held_out_rows(validation, *squares)
 
 
 def held_out_error(squares: Sequence[np.ndarray]) -> float:

@@ -32,6 +32,7 @@ from drift_drake.gap.identification.driving import CIRCLES, ONE_RECORDING, SLIPP
 from drift_drake.gap.identification.estimate import check_effect_names, whiteness
 from drift_drake.gap.identification.options import EFFECTS, KNOWN, CarKind, Criterion
 from drift_drake.gap.identification.stated import Asked, held_still, kept_at_first_guess, stated_in_full
+from drift_drake.gap.identification.validation import split
 from drift_drake.gap.monitoring.baselines import learn_baseline
 
 WHITE = 0.1  # tempering exponent of that fit, from which they are
@@ -43,7 +44,7 @@ def identify(
     logs: Logs | Sequence[str | Path], vehicle: Vehicle, *, known: Sequence[str] = KNOWN,
     effects: Sequence[str] = EFFECTS, criterion: Criterion = "auto", stated: Mapping[str, float] | None = None,
     case: str | None = None, car: CarKind = "auto", force: bool = False, watching: bool = True,
-    progress: Progress | None = None,
+    validation: Sequence[str] = (), progress: Progress | None = None,
 ) -> Identification:  # fmt: skip
     """Calibrates a car on logs: parameters, tolerances, lags, and what the logs cannot identify.
 
@@ -63,6 +64,8 @@ def identify(
             one where that predicts held-out parts better, and keeps the single-track one with it (`single_track`);
         force: also on logs that are too gentle, and whatever a known parameter comes out as;
         watching: whether to learn a monitor's baseline (`watch`), where the logs can say;
+        validation: runs (NAME, of several days DAY/NAME) or stretches of them (NAME:START-END [s] of column t) that
+            nothing is fitted to, and that the car is judged by; without any, blocks of 1.5 s are held out for that;
         progress: called with a stage and the share done.
 
     Returns:
@@ -70,18 +73,18 @@ def identify(
 
     Raises:
         InvalidLogError: no run can be used, they are too gentle, a known parameter comes out far from what is known of
-            it, or prediction is asked for without the column beta;
+            it, prediction is asked for without the column beta, or a stretch for validation is of no run or too short;
         InvalidVehicleError: of the vehicle, or a name that is none;
         SimulatorError: a simulator of the user's fails.
     """
     first, days = vehicle_given(vehicle), days_given(logs, case)
     found = calibrate(days.runs, Asked(
         first.parameters, first.effects, days.case, tuple(known), tuple(effects), {**days.noise, **(stated or {})},
-        criterion, first.tolerances, car, force,
+        criterion, first.tolerances, car, force, validation=tuple(validation),
     ), progress)  # fmt: skip
     if not watching:
         return found
-    baseline = learn_baseline(days.runs, found.vehicle, found.effects, found.calibration.normal)
+    baseline = learn_baseline(split(days.runs, validation)[0], found.vehicle, found.effects, found.calibration.normal)
     return dataclasses.replace(found, calibration=dataclasses.replace(found.calibration, watching=baseline))
 
 
@@ -95,7 +98,9 @@ def calibrate(runs: Sequence[Run], asked: Asked, progress: Progress | None = Non
     case, known, given = asked.case, asked.known, runs
     check_effect_names(known, asked.names)
     vehicle, first = asked.vehicle, first_of_kind(asked.first, asked.kind)
+    runs, kept = split(runs, asked.validation)
     runs, _, warnings = admit(runs, first)
+    asked = dataclasses.replace(asked, judged=for_validation(kept, first))
     warnings += [
         f"effect {name}: calibrated anyway, as a parameter of the vehicle file" for name in asked.names if name in OWN
     ]
@@ -115,9 +120,18 @@ def calibrate(runs: Sequence[Run], asked: Asked, progress: Progress | None = Non
     c = found.calibration
     lacking = [one.sentence() for one in driving.missing() if one.grave and one.why != ONE_RECORDING]
     warnings = [*warnings, *c.warnings, *lacking, *kept_sentences(asked)]
-    c = dataclasses.replace(c, seconds=time.perf_counter() - began, driving=driving, warnings=warnings)
+    c = dataclasses.replace(c, seconds=time.perf_counter() - began, driving=driving, warnings=warnings,
+                            validation=asked.validation)  # fmt: skip
     tell("done", 1.0)
     return dataclasses.replace(found, calibration=c, first=(first, asked.effects), runs=given)
+
+
+def for_validation(runs: Sequence[Run], first: CarParameters) -> tuple[Run, ...]:
+    """Parts that can be used of runs that are kept for validation; raises InvalidLogError where they are too few."""
+    try:
+        return tuple(admit(runs, first).runs) if runs else ()
+    except InvalidLogError as error:
+        raise InvalidLogError(f"validation: {error}") from None
 
 
 def first_of_kind(first: CarParameters, kind: CarKind) -> CarParameters:
@@ -127,7 +141,7 @@ def first_of_kind(first: CarParameters, kind: CarKind) -> CarParameters:
 
 def calibrated(runs: Sequence[Run], asked: Asked, tell: Progress) -> Identification:
     """The car by the criterion that is asked for, or that its logs choose; runs: parts that can be used."""
-    lacks_beta = any(run.beta is None for run in runs)
+    lacks_beta = any(run.beta is None for run in (*runs, *asked.judged))
     criterion, warnings = asked.criterion, list[str]()
     double = asked.kind == "double-track" or not isinstance(asked.first, VehicleParameters)
     simulated = isinstance(asked.first, SimulatorCar)
@@ -216,8 +230,9 @@ def by_likelihood(runs: Sequence[Run], asked: Asked, tell: Progress) -> Identifi
     vehicle, known = held_still(asked.vehicle, asked.kept), (*asked.known, *asked.kept)
     try:
         return identify_by_likelihood(
-            runs, vehicle, asked.effects, asked.case, known, asked.without_unseen(asked.names), asked.stated, tell
-        )
+            runs, vehicle, asked.effects, asked.case, known, asked.without_unseen(asked.names), asked.stated, tell,
+            asked.judged,
+        )  # fmt: skip
     except np.linalg.LinAlgError:
         raise InvalidLogError(NO_PEAK.format(case=asked.case)) from None
 
@@ -275,9 +290,11 @@ def by_prediction(runs: Sequence[Run], asked: Asked, double: bool, tell: Progres
     further = asked.without_unseen(list(dict.fromkeys([*asked.names, *FURTHER])))
     candidates = [name for name in further if name in seen and name not in OWN]
     stated = asked.tolerances | frozenset(asked.known)
-    windows = [windowed(run, run.filled, stride_of(asked.vehicle)) for run in runs]
+    windows, judged = (
+        [windowed(run, run.filled, stride_of(asked.vehicle)) for run in some] for some in (runs, asked.judged)
+    )
     with counted(tell, first.constants()) as shown:
-        return fit_by_prediction(windows, first, asked.effects, own, candidates, stated, seen, shown)
+        return fit_by_prediction(windows, first, asked.effects, own, candidates, stated, seen, shown, judged)
 
 
 def days_given(logs: Logs | Sequence[str | Path], case: str | None) -> GivenLogs:

@@ -10,6 +10,7 @@ import numpy as np
 
 from drift_drake.car.effects.catalogue import CATALOGUE
 from drift_drake.car.effects.magnitudes import Effects
+from drift_drake.car.log.table import Run
 from drift_drake.car.parameters import CarParameters, VehicleParameters
 from drift_drake.gap.estimation.normal import Normal
 from drift_drake.gap.estimation.prior import TOLERANCE_OF, TWO_SIDED
@@ -43,6 +44,8 @@ class Asked:
     force: bool = False
     unseen: tuple[str, ...] | None = None
     """Parameters (names of tolerances) that stay as they are; None: those that the drives cannot show."""
+    validation: tuple[str, ...] = ()  # stretches that are not fitted (`validation.split`)
+    judged: tuple[Run, ...] = ()  # the parts of these that can be used, once they are known
 
     @property
     def vehicle(self) -> VehicleParameters:

@@ -1,4 +1,4 @@
-"""A workbench that is closed, or killed, in the middle of a calibration, and opened again."""
+"""A calibration: closed or killed in the middle and opened again; which stretches it is judged by."""
 
 import fcntl
 import json
@@ -65,6 +65,47 @@ def test_what_is_lost_is_said_and_one_button_runs_it_again(folder, window, how):
         other.page.close()
     finally:
         again.close()
+
+
+def test_stretches_for_validation_are_chosen_in_a_timeline_or_in_words(folder, window):
+    workbench = Workbench(folder)
+    try:
+        one = window(workbench)
+        page = one.page
+        one.go("Calibrate")
+        page.wait_for_load_state("networkidle")
+        box = page.locator(".timeline").bounding_box()
+        page.mouse.move(box["x"] + box["width"] / 4.0, box["y"] + 5.0)
+        page.mouse.down()
+        page.mouse.move(box["x"] + box["width"] / 2.0, box["y"] + 5.0, steps=4)
+        page.mouse.up()
+        page.locator(".timeline u").wait_for()
+        (span,) = kept(folder)
+        start, end = (float(q) for q in span.removeprefix("run_0:").split("-"))
+        assert (start, end) == pytest.approx((6.0, 12.0), abs=0.2)
+        page.locator("code", has_text=f"--validation run_0:{start}-{end}").wait_for()
+        words = page.get_by_label("run_0, for validation [s]")
+        assert words.input_value() == f"{start}-{end}"
+        words.fill("2-5 8-9.5")
+        page.keyboard.press("Enter")
+        page.locator("code", has_text="--validation run_0:2-5 run_0:8-9.5").wait_for()
+        words.fill("five")
+        page.keyboard.press("Enter")
+        page.get_by_text("'five' is neither 'all' nor stretches").wait_for()
+        page.locator(".timeline").click()  # none of it
+        page.locator(".timeline u").first.wait_for(state="detached")
+        assert kept(folder) == []
+        page.locator(".timeline").click()
+        page.locator(".timeline u").wait_for()
+        assert kept(folder) == ["run_0"]
+        page.close()
+    finally:
+        workbench.close()
+
+
+def kept(folder):
+    """Stretches that the project file says are for validation."""
+    return Project(folder).day("monday").get("validation", [])
 
 
 def gone(folder):

@@ -28,6 +28,7 @@ from drift_drake.gap.logs.importing.stretches import (
     moving_stretches,
     reversing_rows,
     reversing_sentence,
+    split_sentence,
     stretch_of,
 )
 from drift_drake.gap.logs.noise import without_jumps
@@ -143,7 +144,8 @@ def pieces_of(
     first = recording.clocks[mapping.first_clock]
     clock = mapping.clocks[mapping.first_clock]
     doubted = [] if clock.rate else clock_doubts(clock.column, first.t, clock.unit)
-    stretches = [stretch_of(first, part, mapping) for part in moving_stretches(first, mapping)]
+    moved = moving_stretches(first, mapping)
+    stretches = [stretch_of(first, part, mapping) for part in moved]
     offsets, wrong = clock_offsets(recording, stretches, mapping) if stretches else ({}, [])
     rows = [_rows(recording, stretch, offsets, mapping, start, end) for stretch in stretches]
     kept = [(stretch, t) for stretch, t in zip(stretches, rows, strict=True) if len(t) >= SHORTEST_RUN]
@@ -177,9 +179,11 @@ def pieces_of(
     names = [label if len(parts) == 1 else f"{label}_{number}" for number in range(len(parts))]
     pieces = [Piece(path, name, label, stretch, noise, columns, reverses)
               for name, (stretch, columns, reverses) in zip(names, parts, strict=True)]  # fmt: skip
-    kept_back = any(piece.reverses for piece in pieces)
-    reversed_ = reversing_sentence(np.concatenate(times), spans(np.concatenate(back)), kept_back)
-    said = dict.fromkeys([*doubted, *recording.remarks, *wrong, *_slow_columns(recording), *reversed_])
+    what = "a run of its own" if any(piece.reverses for piece in pieces) else "cut out, since it is too short"
+    what = what if "beta" in pieces[0].columns else "cut out, since there is no sideslip"
+    reversed_ = reversing_sentence(np.concatenate(times), spans(np.concatenate(back)), what)
+    said = dict.fromkeys([*doubted, *recording.remarks, *wrong, *_slow_columns(recording),
+                          *split_sentence(first, moved, mapping, len(parts)), *reversed_])  # fmt: skip
     return pieces, offsets, list(said)
 
 

@@ -2,10 +2,12 @@
 
 import dataclasses
 import itertools
+import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import uniform_filter1d
 
 from drift_drake.car.log.driving import in_spans, spans
 from drift_drake.common.arrays import Array
@@ -21,7 +23,9 @@ from drift_drake.gap.logs.wording.conversion import PlanarMotion, at_centre_of_g
 LARGEST_GAP = 0.2  # [s] without readings that is bridged; a longer one ends the stretch
 SPEED_WINDOW = 0.1  # [s] over which a first, rough speed is taken
 STOP = 0.1  # [s]; a shorter time below the speed of `moving` is no stop
-BACKWARDS = 0.5  # [m/s] of backward velocity that noise explains
+BACKWARDS = 0.5  # [m/s] of backward velocity that noise explains in any log
+SURE, LONGEST_MEAN = 4.0, 1.0  # standard deviations of a velocity's noise that are none; [s] that it is averaged over
+SHOWN = 3  # places in a sentence
 STANDING = 2.0  # [m/s] at the change of direction: a car that reverses has stopped before, one that spins has not
 SHORTEST_REVERSING = 0.1  # [s]
 VELOCITY = {"vx", "vy", "r"}  # what speed and sideslip at the centre of gravity are made of
@@ -171,6 +175,38 @@ def _rough_speed(readings: Readings, seen: NDArray[np.int64]) -> Array | None:
     return None if name is None else np.abs(np.interp(t, t[seen], signals[name][seen]))
 
 
+def split_sentence(readings: Readings, parts: Sequence[slice], mapping: RecorderMapping, runs: int) -> list[str]:
+    """One sentence on why a recording is in parts, and where [s after its first reading]; none of a single part.
+
+    runs: that come of them.
+    """
+    t = readings.t - readings.t[0]
+    found: dict[str, list[tuple[float, float]]] = {}
+    for before, after in itertools.pairwise(parts):
+        between = slice(before.stop - 1, after.start + 1)
+        lost = [name for name, values in readings.signals.items() if not np.isfinite(values[between]).all()]
+        if np.max(np.diff(t[between])) > LARGEST_GAP:
+            why = "a gap in time"
+        elif mapping.moving is None or (lost and _longest_lost(readings, between, lost) > LARGEST_GAP):
+            why = f"no reading of {', '.join(lost)}"
+        else:
+            why = f"not above {mapping.moving.speed:g} m/s"
+        found.setdefault(why, []).append((float(t[before.stop - 1]), float(t[after.start])))
+    said = "; ".join(f"{why} ({places(at)})" for why, at in found.items())
+    return [f"split into {runs} run{'s' * (runs > 1)}: {said}."] if found else []
+
+
+def _longest_lost(readings: Readings, part: slice, lost: Sequence[str]) -> float:
+    seen = np.all([np.isfinite(readings.signals[name][part]) for name in lost], axis=0)
+    return max(float(np.ptp(readings.t[part][max(a - 1, 0) : b + 1])) for a, b in spans(~seen))
+
+
+def places(found: Sequence[tuple[float, float]]) -> str:
+    """Spans [s] in words, the first few by their times."""
+    shown = ", ".join(f"{start:.2f} to {stop:.2f} s" for start, stop in found[:SHOWN])
+    return shown + (f" and {len(found) - SHOWN} more" if len(found) > SHOWN else "")
+
+
 def reversing_rows(columns: Mapping[str, Array], period: float) -> NDArray[np.bool_]:
     """Rows [n] in which the car reverses; none of a car that never drives forwards, whose sign or heading is wrong.
 
@@ -180,7 +216,11 @@ def reversing_rows(columns: Mapping[str, Array], period: float) -> NDArray[np.bo
     v, beta = columns["v"], columns.get("beta", np.zeros_like(columns["v"]))
     along = columns.get("vx", v * np.cos(beta))
     speed = np.hypot(along, columns.get("vy", v * np.sin(beta)))
-    backwards = along < -BACKWARDS
+    rows, noise = max(round(SHORTEST_REVERSING / period), 1), _velocity_noise(along, period)
+    if SURE * noise > BACKWARDS:
+        means = min((SURE * noise / BACKWARDS) ** 2, LONGEST_MEAN / SHORTEST_REVERSING)
+        along, noise = uniform_filter1d(along, round(means * rows), mode="nearest"), noise / math.sqrt(means)
+    backwards = along < -max(BACKWARDS, SURE * noise)
     found = [
         (a, b)
         for a, b in spans(backwards)
@@ -189,12 +229,18 @@ def reversing_rows(columns: Mapping[str, Array], period: float) -> NDArray[np.bo
     return in_spans([] if backwards.mean() > 0.95 else found, len(v))
 
 
-def reversing_sentence(t: Array, parts: Sequence[tuple[int, int]], kept: bool) -> list[str]:
-    """One sentence on where the car reverses, with its times t [s]; none where it does not."""
-    if not parts:
-        return []
-    shown = ", ".join(f"{t[start]:.2f} to {t[stop - 1]:.2f} s" for start, stop in parts[:3])
-    more = f" and {len(parts) - 3} more times" if len(parts) > 3 else ""
-    return [
-        f"the car reverses from {shown}{more}: {'a run of its own' if kept else 'cut out, since there is no sideslip'}."
-    ]
+def _velocity_noise(along: Array, period: float) -> float:
+    """Standard deviation [m/s] of a velocity's means over 0.1 s, whatever it was made of: slow noisy positions too."""
+    found = [0.0]
+    for rows in (round(SHORTEST_REVERSING / period), round(2.0 * SHORTEST_REVERSING / period)):
+        count = len(along) // rows if rows else 0
+        if count > SHORTEST:
+            bends = np.diff(along[: count * rows].reshape(count, rows).mean(axis=1), n=2)
+            found.append(float(np.median(np.abs(bends))) / (0.6745 * math.sqrt(6.0)))
+    return max(found)
+
+
+def reversing_sentence(t: Array, parts: Sequence[tuple[int, int]], what: str) -> list[str]:
+    """One sentence on where the car reverses, with its times t [s], and what becomes of it; none where it does not."""
+    shown = places([(t[start], t[stop - 1]) for start, stop in parts])
+    return [f"the car reverses from {shown}: {what}."] if parts else []

@@ -132,6 +132,7 @@ class Effect:
     radius: float = 0.0  # [-] of its wheel radius
     daily: float = 1.0  # [-] how often it changes from one day to another, relative to the others
     of_tyres_or_body: bool = False  # which the equations have in their own way: what it is worth differs by the driving
+    moves_loads: bool = False  # static loads of the axles, times (1 + q) or by a shift of q [m] backwards
     varies: bool = False  # by less than a gap from one recording to the next, without anybody touching the car
     shown_by: str = ""  # the manoeuvre that shows it; a text of `effects.manoeuvres` joins its group
     told_from: Mapping[str, str] = dataclasses.field(default_factory=dict)

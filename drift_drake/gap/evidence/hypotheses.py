@@ -14,7 +14,7 @@ from drift_drake.gap.evidence.left_over import LeftOver
 
 FADES = 0.2  # of the practical range, over which a prior falls off beyond it
 BUILD = 0.5  # `daily` below which an effect is of the car's build
-FOLLOWING = ("mass_error", "cg_shift")  # effects that move axle loads
+FOLLOWING = tuple(name for name, effect in CATALOGUE.items() if effect.moves_loads)
 LOADED = frozenset(("front_stiffness_error", "rear_stiffness_error"))  # what a real tyre does then
 
 
@@ -74,16 +74,16 @@ def effects_of(names: Sequence[str], magnitudes: np.ndarray, follows_load: float
 def with_load(name: str, magnitude: float, share: float, constants: CarConstants) -> dict[str, float]:
     """Effects of a magnitude whose axle stiffnesses follow a share of what the static loads change by.
 
-    The catalogue's `mass_error` and `cg_shift` leave the stiffnesses as they are. A real tyre's follows its load, which
-    is another signature of the same cause.
+    In the catalogue what moves loads leaves the stiffnesses as they are. A real tyre's follows its load, which is
+    another signature of the same cause.
 
     Args:
-        constants: of the calibrated car, `cg_shift`'s axle distances.
+        constants: of the calibrated car, whose axle distances a shift of its centre of gravity changes.
     """
     if name not in FOLLOWING or not LOADED.isdisjoint(kind_of(constants).LACKS):
         return {name: magnitude}
     distances = -float(constants.rear_axle_distance), float(constants.front_axle_distance)
-    front, rear = (1.0, 1.0) if name == "mass_error" else distances
+    front, rear = distances if CATALOGUE[name].unit == "m" else (1.0, 1.0)
     return {
         name: magnitude,
         "front_stiffness_error": share * magnitude / front,

@@ -121,8 +121,9 @@ class SideBySide:
         given = as_commanded({"delta_cmd": run.delta_cmd, "tau_cmd": torque}, effects, run.period)
         if self._follow:  # it supplies the torque at the wheel: no lag comes between
             effects = effects._replace(torque_lag=0.0)
+        single, force = model.parameters.single_track(), None
         if run.bank is not None:
-            effects = effects._replace(road_bank=0.0)
+            effects, force = bank_force(run.bank, single.mass, single.gravity, effects)
         made = Car(model.parameters, on_time(effects), noise=NoiseLevels.none(), period=run.period)
         car = self.cars[name] = builder.AddNamedSystem(name, made)
         steering, wrenches = self._source(builder, f"steering_of_{name}", given["delta_cmd"]), []
@@ -138,10 +139,7 @@ class SideBySide:
             builder.Connect(car.GetOutputPort("state"), keeper.GetInputPort("state"))
             builder.Connect(self._wanted, keeper.GetInputPort("wanted"))
             wrenches.append(keeper.get_output_port())
-        if run.bank is not None:
-            single = model.parameters.single_track()
-            weight = single.mass * (1.0 + model.effects.mass_error) * single.gravity
-            force = bank_force(run.bank, weight, model.effects.road_bank)
+        if force is not None:
             none = np.zeros(len(run))
             wrenches.append(self._source(builder, f"bank_under_{name}", np.stack([none, force, none])))
         if wrenches:

@@ -60,3 +60,17 @@ def test_no_folders_import_each_other_directly_or_through_others() -> None:
             graph.setdefault(names[0], set()).add(names[1])
     for graph in graphs.values():
         tuple(TopologicalSorter(graph).static_order())  # raises CycleError, which names the loop
+
+
+def test_a_diagnosis_needs_no_replay_and_no_closed_loop() -> None:
+    """What draws a calibration plays runs to cars; a diagnosis, and its report, come without."""
+    graph: dict[Path, set[Path]] = {}
+    for one, other in imports():
+        graph.setdefault(one.with_suffix(""), set()).add(other)
+    reached, left = set[Path](), [Path("cli/diagnose")]
+    while left:
+        new = graph.get(left.pop(), set()) - reached
+        reached |= new
+        left += new
+    assert Path("gap/diagnosis/reports/change_report") in reached
+    assert not [path for path in reached if path.parts[:2] in (("view", "playback"), ("drive", "loop"))]

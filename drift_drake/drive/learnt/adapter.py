@@ -81,7 +81,7 @@ class BayesianAdapter(LeafSystem):
         counters [2]: samples (taken, refused).
 
     Parameters in the Context: `frozen` (no updates while above 0.5) and `threshold` (Mahalanobis distance beyond which
-    a sample is refused); see `set_frozen`, `set_threshold`. State in the Context: the posteriors, the log evidence of
+    a sample is refused); see `set_frozen`. State in the Context: the posteriors, the log evidence of
     each pair of lags, the offset, the counters, the measurement and commands of the last tick, and whether the car was
     then trusted to be the same. The tick at t takes the sample of [t - `TIME_STEP`, t].
 
@@ -198,7 +198,3 @@ class BayesianAdapter(LeafSystem):
     def set_frozen(self, context: Context, frozen: bool) -> None:
         """Stops or resumes adaptation in a Context of this system; the outputs stay."""
         context.get_mutable_numeric_parameter(self._frozen).SetFromVector([1.0 if frozen else 0.0])
-
-    def set_threshold(self, context: Context, threshold: float) -> None:
-        """Sets the threshold: the Mahalanobis distance [-] beyond which samples are refused."""
-        context.get_mutable_numeric_parameter(self._threshold).SetFromVector([threshold])

@@ -178,8 +178,6 @@ def test_what_is_far_out_of_distribution_is_refused(random_model: BayesianModel,
         np.testing.assert_allclose(mahalanobis(prediction, prediction.mean + distance * deviation), distance)
         adapter, context = stepped(random_model, [*rows, spike])
         np.testing.assert_array_equal(adapter.GetOutputPort("counters").Eval(context), [taken, count + 1 - taken])
-    adapter.set_threshold(context, 3.0)
-    assert context.get_numeric_parameter(1).value()[0] == 3.0
 
 
 def test_a_car_that_became_another_one_is_learnt_anew(learner: BayesianModel, record: PiecewisePolynomial) -> None:

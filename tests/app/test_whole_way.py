@@ -128,7 +128,7 @@ def photograph(one, path):
     """The check's page as a phone shows it, in few colours."""
     from PIL import Image
 
-    narrow = Window(one.context.browser, one.workbench, width=480, scale=1.5, height=1240)
+    narrow = Window(one.context.browser, one.workbench, width=390, scale=2.0, height=1385)
     narrow.go("Check")
     narrow.page.locator(".clouds .js-plotly-plot .scatterlayer").nth(1).wait_for()
     narrow.page.wait_for_timeout(3000)

@@ -30,8 +30,8 @@ def comparison(
         text("p", "Signs and units: nothing looks wrong.", "verdict")
     if found.unchecked:
         text("p", f"No other column can check {', '.join(found.unchecked)}.", "note")
-    for sentence in found.undecided:
-        text("p", sentence, "note")
+    for clause in found.undecided:
+        text("p", f"No other column tells {clause}.", "note")
     _estimated(edit, before, gentle)
     for one in compared:
         said = f"correlation {one.likeness:.3f}, gain {significant(one.gain, 3)}"

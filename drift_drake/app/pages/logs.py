@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from nicegui import ui
+from nicegui.element import Element
 
 from drift_drake.app import stages
 from drift_drake.app.jobs import Jobs
@@ -49,6 +50,11 @@ def logs_page(project: Project, readings: Recordings, _jobs: Jobs, data: dict[st
             text("p", "None yet: give a recording a day.", "note")
         for day, recordings in days.items():
             _day(project, day, recordings, data)
+        if names:
+            new = next(day for k in range(1, len(days) + 2) if (day := f"day {k}") not in days)
+            with box("article", "part", aria_label="new day") as card:
+                _takes(project, card, new)
+                text("p", f"Drop a recording here for {new}.", "note")
     text("p", "Next: Columns.", "note")
 
 
@@ -118,9 +124,7 @@ def _signals(recordings: Recordings, name: str, columns: list[str]) -> list[Any]
 
 def _day(project: Project, day: str, recordings: list[str], data: dict[str, Any]) -> None:
     with box("article", "part", aria_label=f"day {day}") as card:
-        card.on("dragover", js_handler="(e) => e.preventDefault()")
-        card.on("drop", lambda event: assign(project, str(event.args), day),
-                js_handler="(e) => { e.preventDefault(); emit(e.dataTransfer.getData('text/plain')); }")  # fmt: skip
+        _takes(project, card, day)
         text("h3", day)
         runs = project.runs(day)
         listed = ", ".join(Path(name).name for name in recordings) if recordings else f"a folder of {len(runs)} runs"
@@ -128,6 +132,13 @@ def _day(project: Project, day: str, recordings: list[str], data: dict[str, Any]
         with box("div", "fields"):
             tick(f"calibrate on {day}", day in stages.baseline(project, data),
                  lambda on: set_of_day(project, day, "baseline", on))  # fmt: skip
+
+
+def _takes(project: Project, card: Element, day: str) -> None:
+    """A recording that is dropped on the card gets the day."""
+    card.on("dragover", js_handler="(e) => e.preventDefault()")
+    card.on("drop", lambda event: assign(project, str(event.args), day),
+            js_handler="(e) => { e.preventDefault(); emit(e.dataTransfer.getData('text/plain')); }")  # fmt: skip
 
 
 def assign(project: Project, name: str, day: str) -> None:

@@ -135,8 +135,8 @@ class Effect:
     moves_loads: bool = False  # static loads of the axles, times (1 + q) or by a shift of q [m] backwards
     varies: bool = False  # by less than a gap from one recording to the next, without anybody touching the car
     shown_by: str = ""  # the manoeuvre that shows it; a text of `effects.manoeuvres` joins its group
-    told_from: Mapping[str, str] = dataclasses.field(default_factory=dict)
-    """Effects that act alike in most driving, and the manoeuvre that tells them from this one."""
+    distinguished_from: Mapping[str, str] = dataclasses.field(default_factory=dict)
+    """Effects that act alike in most driving, and the manoeuvre that distinguishes them from this one."""
     factor: bool = False  # something is multiplied by 1 + q, which stays above zero
     share: bool = False  # of the friction that it takes: below one
     possible: tuple[float, float] | None = None  # [unit] that a vehicle can have; else several times the range

@@ -12,7 +12,8 @@ ACTUATORS: dict[str, Effect] = {
         shown_by=SWEEPS, fitted=("further", "drives", "double_track"), drawn=uniform(0.03, 0.07)),
     "steering_delay": Effect(
         "s", 0.02, 0.15, "transport delay of the steering command", stage="command", spread=True, delays="delta_cmd",
-        shown_by=SWEEPS, fitted=("alone",), asked=True, told_from={"steering_lag": SWEEPS}),  # which loses more of it
+        shown_by=SWEEPS, fitted=("alone",), asked=True,
+        distinguished_from={"steering_lag": SWEEPS}),  # which loses more of it
     "steering_rate_limit": Effect(
         "rad/s", 0.3, 1.2, "the road wheel moves no faster than q", stage="actuator", spread=True, remembers=STEERING,
         length=-0.5, shown_by=SWEEPS, limit=True, possible=(0.01, 100.0), fitted=("alone",)),
@@ -25,7 +26,7 @@ ACTUATORS: dict[str, Effect] = {
     "torque_gain_error": Effect(
         "-", -0.3, 0.2, "torque at the axle times (1 + q)", needs=TORQUE, tolerance="torque", shown_by=THROTTLE,
         factor=True, drawn=normal(0.07, 0.14), asked=True, by_torque=True,
-        told_from={"mass_error": SPINNING}),  # where the body weighs nothing
+        distinguished_from={"mass_error": SPINNING}),  # where the body weighs nothing
     "drivetrain_inertia_error": Effect(
         "-", -0.4, 0.8, "rear axle inertia times (1 + q)", needs=TORQUE, tolerance="rear_axle_inertia", daily=0.2,
         of_tyres_or_body=True, shown_by=THROTTLE, factor=True, drawn_out_of_distribution=uniform(-0.2, 0.4),
@@ -34,7 +35,7 @@ ACTUATORS: dict[str, Effect] = {
         "N m", 40.0, 300.0, "torque q tanh(omega_r) opposes the rear axle", needs=TORQUE, mass=1.0, radius=1.0,
         shown_by=THROTTLE, resists=True, fitted=("drives", "double_track"),
         drawn_out_of_distribution=uniform(40.0, 150.0), by_torque=True,
-        told_from={"rolling_resistance": SPINNING, "aero_drag": COASTING}),
+        distinguished_from={"rolling_resistance": SPINNING, "aero_drag": COASTING}),
     "steering_ratio_error": Effect(
         "-", -0.3, 0.3, "commanded road-wheel angle times (1 + q)", stage="actuator", daily=0.2, shown_by=CIRCLES,
         factor=True, since=2),

@@ -13,7 +13,7 @@ FORCES: dict[str, Effect] = {
     "rolling_resistance": Effect(
         "-", 0.01, 0.05, "force q m g along the body, against the motion", varies=True, shown_by=COASTING, resists=True,
         double_track="parameter", fitted=("drives", "double_track"),
-        told_from={"aero_drag": COASTING},  # which falls with the square of the speed
+        distinguished_from={"aero_drag": COASTING},  # which falls with the square of the speed
         force=lambda r, v, beta, omega_r, psi, car, magnitude: (
             -magnitude * (car.mass * car.gravity) * forwards(v), 0.0, 0.0)),
     "road_grade": Effect(

@@ -34,8 +34,8 @@ def tells_apart(leading: str, rivals: Sequence[str]) -> str:
     by_drive: dict[str, list[str]] = {}
     for rival in rivals:
         cause = rival.removesuffix(TOO)
-        both = ((leading, cause), (cause, leading))
-        drive = next((CATALOGUE[a].told_from[b] for a, b in both if a in CATALOGUE and b in CATALOGUE[a].told_from), "")
+        both = ((CATALOGUE.get(a), b) for a, b in ((leading, cause), (cause, leading)))
+        drive = next((one.distinguished_from[b] for one, b in both if one and b in one.distinguished_from), "")
         if drive and cause not in by_drive.setdefault(drive, []):
             by_drive[drive].append(cause)
     return "".join(f" Record {drive}, to distinguish {leading} from {' and '.join(names)}."

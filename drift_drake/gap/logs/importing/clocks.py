@@ -91,7 +91,7 @@ def _advances(topic: Topic, column: str) -> bool | None:
 
 
 def other_clocks(topic: Topic, main: str | None) -> list[str]:
-    """Columns of times of something else (`command_t`): beside a table's own, those of commands that differ from it."""
+    """Columns of other times (`command_t`): next to a table's own, those of commands that differ from it."""
     found = []
     for column in map(str, topic.table.columns):
         said = concepts(bracketed(own_name(topic, column))[0])[0]

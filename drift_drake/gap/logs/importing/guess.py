@@ -279,7 +279,7 @@ def _clock_entries(
 
 
 def _clocks_said(used: Mapping[str, tuple[Topic, str]], clocks: Mapping[str, str]) -> list[str]:
-    """Sentences on tables (by name, with their clock's name) without times, and on times beside a table's own."""
+    """Sentences on tables (by name, with their clock's name) without times, and on times next to a table's own."""
     sentences = []
     for name, (topic, clock) in used.items():
         others = other_clocks(topic, clocks.get(name))

@@ -52,7 +52,7 @@ def test_effects_that_act_alike_have_the_drive_that_tells(cause, rivals, drives)
 
 
 def test_effects_with_a_drive_that_tells_are_the_catalogues():
-    assert {name for effect in CATALOGUE.values() for name in effect.told_from} <= set(CATALOGUE)
+    assert {name for effect in CATALOGUE.values() for name in effect.distinguished_from} <= set(CATALOGUE)
 
 
 def test_a_probable_verdict_has_none():

@@ -69,6 +69,20 @@ def test_standard_output_that_is_full_is_one_sentence() -> None:
     assert said("nonsense 2> /dev/full").returncode == BAD_INPUT
 
 
+@pytest.mark.parametrize("command", ["effects --json -", "effects", "drive --help", "import --look LOG"])
+def test_standard_output_that_nobody_reads_ends_a_command_without_a_word(command: str, tmp_path: Path) -> None:
+    (tmp_path / "log.csv").write_text("t,v\n" + "".join(f"{0.01 * i:.2f},{i}\n" for i in range(100)))
+    read, write = os.pipe()
+    os.close(read)
+    words = command.replace("LOG", str(tmp_path / "log.csv")).split()
+    unread = subprocess.run([sys.executable, "-m", "drift_drake", *words], env=ENVIRONMENT, stdout=write,
+                            stderr=subprocess.PIPE, text=True, timeout=60.0)  # fmt: skip
+    os.close(write)
+    assert unread.returncode == 128 + signal.SIGPIPE
+    assert "drift-drake:" not in unread.stderr
+    assert "Traceback" not in unread.stderr
+
+
 def test_standard_output_that_is_closed_is_one_sentence() -> None:
     closed = said("--help >&-")
     sentence = "drift-drake: standard output is closed; give it a place, such as > /dev/null\n"

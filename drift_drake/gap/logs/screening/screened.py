@@ -11,6 +11,7 @@ from drift_drake.car.log.table import COLUMNS, OPTIONAL, UNITS, Run
 from drift_drake.gap.logs.noise import coarse, noise_of, step, white_noise_level, wrap_size
 from drift_drake.gap.logs.screening.bad_samples import command_dropouts, filled, frozen, spikes
 from drift_drake.gap.logs.screening.dead import dead_columns
+from drift_drake.gap.logs.screening.held_commands import frozen_command, held_sentences
 
 MEASURED = ("x", "y", "psi", "r", "v", "beta", "omega_r", "ax", "ay")
 COMMANDS = ("delta_cmd", "tau_cmd")
@@ -101,6 +102,10 @@ def screen(run: Run) -> tuple[Screened, list[str]]:
             corrected[name] = filled(raw, found)
             bad += [BadRows(name, "spike", *span) for span in found]
             sentences += _spike_sentences(run, name, raw, corrected[name], found)
+        held = [] if raw is None else frozen_command(name, {k: q for k in COLUMNS if (q := run.column(k)) is not None},
+                                                     run.period)  # fmt: skip
+        bad += [BadRows(name, "frozen", *span) for span in held]
+        sentences += held_sentences(name, run.name, run.t, held)
     sentences = dead_sentences + _frozen_sentences(run, stretches) + sentences
     clean = dataclasses.replace(run, **corrected) if corrected else run
     return Screened(clean, tuple(sorted(bad, key=lambda part: part.start)), floor, dead), sentences

@@ -230,3 +230,22 @@ def test_times_of_commands_are_named_and_not_taken():
     guess = guessed_mapping([Topic("", pd.DataFrame(signals))])
     assert guess.mapping["clocks"] == {"recorder": {"column": "?"}}
     assert any("(it may be command_t)" in note for note in guess.notes)
+
+
+@pytest.mark.parametrize(
+    ("quantity", "name"),
+    [
+        ("v", "Rychlost [km/h]"), ("v", "Prędkość [km/h]"), ("r", "Rychlost stáčení [deg/s]"),
+        ("r", "Prędkość odchylenia [deg/s]"), ("delta_cmd", "Úhel natočení kol [deg]"),
+        ("delta_cmd", "Kąt skrętu kół [deg]"), ("delta_cmd", "VA_Radlenkwinkel"), ("time", "sec"), ("time", "Czas [s]"),
+    ],
+)  # fmt: skip
+def test_czech_polish_and_the_german_road_wheel(quantity, name):
+    rank, _ = fit(quantity, name)
+    assert rank < LIMIT
+    assert quantity != "delta_cmd" or not is_handwheel(name)
+
+
+def test_a_unit_of_a_yaw_rate_with_two_meanings_is_asked():
+    assert fit("r", "yaw_rate_rps")[1] == "?"
+    assert fit("omega_r", "wheel_speed_rps")[1] == "rev/s"

@@ -65,6 +65,7 @@ OF_TOPICS = r"status|report|info"  # that say nothing of what a topic holds
 BRACKETS = str.maketrans("（）［］【】", "()[][]")  # noqa: RUF001
 EARTH = "ned"  # last letters of velocities to the north, east and down
 UNCLEAR = re.compile(r"(?<![a-z])(phi|theta|φ|ϕ|θ)", re.IGNORECASE)  # of a heading, or of roll or pitch
+UNCLEAR_RATES = ("rps",)  # revolutions or radians a second of a yaw rate: asked
 SHORTENED = 5  # letters from which a word in front of others still speaks (`Lenkradw`, `speedfilt`)
 PART = re.compile(r"[A-Z]{2,4}_(?=.*[a-z])")  # of a car, that sends the signal (`ESP_v_Signal`)
 AXES = {"0": "x", "1": "y", "2": "z"}
@@ -180,6 +181,8 @@ def fit(quantity: str, name: str, unit: str = "", topic: str = "") -> tuple[floa
     known = unit_of(stated.text, kinds) if stated else None
     if stated and known is None and meanings(stated.text):
         return None
+    if known is not None and quantity == "r" and stated and stated.text.lower() in UNCLEAR_RATES:
+        known = None
     if not topic and bare.startswith("/"):
         topic, bare = parts_of_path(bare)
     nested = re.match(r"[/.]*([^\s.]+)\.([^\s_].+)", bare)  # `Lng._Vel.` has a dot of an abbreviation

@@ -10,7 +10,7 @@ import unicodedata
 from drift_drake.gap.logs.wording.eastern import in_english
 
 CONCEPTS = {
-    "yaw": "yaw yawing gier gieren gir lacet imbardata guinada",
+    "yaw": "yaw yawing gier gieren gir lacet imbardata guinada odchylenia odchylania staceni",
     "turn": "roll rolling wank wanken roulis rollio pitch pitching nick nicken tangage beccheggio",  # not about z
     "rate": "rate rates rt taux taxa dot punkt point deriv",
     "gyro": "gyro gyros gyr gyroscope gyroskop gyroscop kreisel drehrate drehraten rotation",
@@ -18,24 +18,25 @@ CONCEPTS = {
     "linear": "linear",
     "speed": (
         "speed speeds spd velocity velocities vel velo geschwindigkeit geschw vitesse vit velocidad "
-        "velocidade velocita hastighet snelheid sog"
+        "velocidade velocita hastighet snelheid predkosc rychlost sog"
     ),
     "steer": (
-        "eps steer steering steered str strg lenk lenkung lenken braquage sterzo sterzata styr stuur direccion direcao"
+        "eps steer steering steered str strg lenk lenkung lenken braquage sterzo sterzata styr stuur direccion direcao "
+        "skretu natoceni"
     ),
-    "handwheel": "handwheel swa sas lenkrad volant volante ratt stuurwiel timon",
+    "handwheel": "handwheel swa sas lenkrad volant volante volantu ratt stuurwiel timon kierownicy kierownica",
     "road": "road roadwheel strasse",
-    "angle": "angle ang angles winkel wkl angulo angolo vinkel hoek",
+    "angle": "angle ang angles winkel wkl angulo angolo vinkel hoek kat uhel",
     "wheel": "wheel wheels whl whls rad raeder rader roue roues ruota ruote rueda pneu",
     "axle": "axle achse essieu asse",
     "revs": "rpm revs rev drehzahl regime omega w",
     "acc": (
         "acc accel accels accl acceleration accelerations accelerometer beschleunigung beschl aceleracion "
-        "aceleracao accelerazione acceleratie versnelling gforce gforces"
+        "aceleracao accelerazione acceleratie versnelling przyspieszenie zrychleni gforce gforces"
     ),
     "gee": "g",
-    "lat": "lat lateral laterale quer seitlich transversal transversale trasversale sido dwars",
-    "long": "long lon longitudinal longitudinale langs laengs inline forward fwd vorwaerts",
+    "lat": "lat lateral laterale quer seitlich transversal transversale trasversale sido dwars poprzeczne pricne",
+    "long": "wzdluzne podelne long lon longitudinal longitudinale langs laengs inline forward fwd vorwaerts",
     "x": "x",
     "y": "y",
     "z": "z vertical vertikal verticale hoch down",
@@ -62,7 +63,7 @@ CONCEPTS = {
     "r": "r",
     "time": (
         "time times zeit temps tiempo tempo timestamp timestamps stamp stempel zeitstempel horodatage tow itow uhrzeit "
-        "uhr utc gmt epoch unixtime tijd tid seconds secs millis "
+        "uhr utc gmt epoch unixtime tijd tid czas cas seconds secs sec millis "
         "milliseconds micros microseconds sekunden secondes segundos secondi"
     ),
     "t": "t ts",
@@ -104,6 +105,8 @@ CONCEPTS = {
 }
 PAIRS = {  # words that say two things
     "tyre": "wheel tyre", "tire": "wheel tyre", "reifen": "wheel tyre",
+    "kol": "road wheel", "radlenkwinkel": "road wheel angle", "radeinschlag": "road wheel angle",
+    "radeinschlagwinkel": "road wheel angle",
     "lws": "handwheel angle", "hwa": "handwheel angle", "rwa": "road wheel angle",
     "lenkw": "steer angle", "lw": "steer angle", "lrw": "handwheel angle", "strangle": "steer angle",
     "vx": "speed x", "vy": "speed y", "vz": "speed z", "ux": "speed x", "uy": "speed y", "ax": "acc x", "ay": "acc y",

@@ -59,6 +59,7 @@ def test_from_a_dropped_file_to_a_corrected_simulator(window, tmp_path, monkeypa
         page.set_default_timeout(PATIENCE)
         page.get_by_label("Choose recordings").set_input_files(sorted(made.glob("*.mat")))
         page.get_by_text("tuesday.mat: 10 columns").wait_for()
+        page.wait_for_timeout(2000)  # until all that came with the files is drawn: nobody types so fast
         page.get_by_label(f"{DAY}tuesday.mat").fill("tuesday")
         page.keyboard.press("Enter")
         page.get_by_role("heading", name="tuesday", exact=True).wait_for()

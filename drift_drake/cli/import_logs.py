@@ -8,19 +8,16 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
-from drift_drake.car.log.table import IMPORT_REPORT
 from drift_drake.common.errors import InvalidOptionError
 from drift_drake.common.interruption import ended_at_once
-from drift_drake.common.run_folder import write_json
 from drift_drake.common.safe_files import alone_in, try_outputs, write_table, writing_together
 from drift_drake.common.standard_output import command_line, said_to, write_results, write_text
-from drift_drake.gap.logs.importing.known import is_path_only
-from drift_drake.gap.logs.importing.mapping import RecorderMapping, read_mapping
 
 MOST_NAMED = 4  # runs that a remark names
 
 if TYPE_CHECKING:
     from drift_drake.gap.logs.importing.importer import ImportReport
+    from drift_drake.gap.logs.importing.mapping import RecorderMapping
 
 
 @dataclasses.dataclass(frozen=True)
@@ -85,6 +82,11 @@ def run_import(command: Import) -> None:
         raise InvalidOptionError(
             "--mapping and --out are needed to import; 'drift-drake import --look FILE' prints a first mapping"
         )
+    with ended_at_once():
+        from drift_drake.car.log.table import IMPORT_REPORT
+        from drift_drake.gap.logs.importing.known import is_path_only
+        from drift_drake.gap.logs.importing.mapping import read_mapping
+
     mapping = read_mapping(command.mapping)
     try_outputs({"--json": command.json, "--report": command.report}, [command.mapping, *command.recordings])
     with ended_at_once():
@@ -113,9 +115,11 @@ def run_import(command: Import) -> None:
         write_text(command.report, report_html(imported, command.out.name, source))
 
 
-def _import_paths(command: Import, mapping: RecorderMapping, out: Path) -> None:
+def _import_paths(command: Import, mapping: "RecorderMapping", out: Path) -> None:
     """Writes the paths of recordings that hold positions and too little else for a log."""
     with ended_at_once():
+        from drift_drake.car.log.table import IMPORT_REPORT
+        from drift_drake.common.run_folder import write_json
         from drift_drake.gap.logs.importing.paths import import_paths, path_sentences
 
     paths, remarks = import_paths(command.recordings, mapping, command.start, command.end, command.dbc)

@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+import math
 import platform
 import zipfile
 from collections.abc import Mapping, Sequence
@@ -10,8 +11,6 @@ from importlib.metadata import version
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
-
-import numpy as np
 
 from drift_drake.common.safe_files import replacing, write_table, write_text
 
@@ -77,12 +76,12 @@ def plain(value: Any) -> Any:
         return {str(key): plain(item) for key, item in value.items()}
     if isinstance(value, (list, tuple)):
         return [plain(item) for item in value]
-    if isinstance(value, (np.ndarray, np.generic)):
+    if hasattr(value, "tolist"):  # of NumPy, which is slow to import
         return plain(value.tolist())
     if isinstance(value, Path):
         return str(value)
     if isinstance(value, float):
-        return value if np.isfinite(value) else None
+        return value if math.isfinite(value) else None
     return value
 
 

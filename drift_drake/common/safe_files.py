@@ -12,11 +12,12 @@ import sys
 from collections.abc import Iterable, Iterator, Mapping
 from functools import cache
 from pathlib import Path
-from typing import Any
-
-import numpy as np
+from typing import TYPE_CHECKING, Any
 
 from drift_drake.common.errors import OutputError
+
+if TYPE_CHECKING:
+    import numpy as np
 
 PARTIAL = ".part-"  # how the folders' names begin; eight hexadecimal digits follow
 _NAME = re.compile(re.escape(PARTIAL) + "[0-9a-f]{8}")
@@ -235,11 +236,13 @@ def write_table(table: Any, path: str | Path, **options: Any) -> None:
         table.to_csv(part, **options)
 
 
-def write_columns(columns: Mapping[str, np.ndarray], path: str | Path) -> None:
+def write_columns(columns: "Mapping[str, np.ndarray]", path: str | Path) -> None:
     """Writes columns of numbers of equal length as CSV (packed for `.gz`), whole or not at all; NaN is left empty.
 
     A third of the time that pandas takes, which writes the same text.
     """
+    import numpy as np  # slow to import
+
     rows, line = np.column_stack(list(columns.values())), ",".join(["%.9g"] * len(columns)) + "\n"
     with replacing(path) as part, gzip.open(part, "wt") if part.suffix == ".gz" else part.open("w") as file:
         file.write(",".join(columns) + "\n")
@@ -257,5 +260,7 @@ def write_figure(figure: Any, path: str | Path, **options: Any) -> None:
 
 def write_arrays(path: str | Path, **arrays: Any) -> None:
     """Writes arrays as .npz, whole or not at all."""
+    from numpy import savez
+
     with replacing(path) as part, part.open("wb") as file:
-        np.savez(file, **arrays)
+        savez(file, **arrays)

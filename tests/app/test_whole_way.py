@@ -96,6 +96,7 @@ def columns(one):
     page.get_by_label("unit of r", exact=True).select_option("rad/s")
     page.get_by_text("The import would be refused").wait_for()
     page.get_by_role("button", name="Read r in deg/s").first.click()
+    page.wait_for_function("document.querySelector('[aria-label=\"unit of r\"]')?.value == 'deg/s'")
     page.get_by_label("wheelbase").fill("2.6")
     page.keyboard.press("Enter")
     page.get_by_label("steering ratio of delta_cmd").fill("15.2")

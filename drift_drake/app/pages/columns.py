@@ -132,11 +132,11 @@ class _View:
     async def draw_rows(self) -> None:
         """A row a quantity: those that are chosen, and the others folded."""
         ranked = await or_why(_ranked, self.readings, self.name, _signals(self.mapping()))
-        while await typing():
-            await asyncio.sleep(PAUSE)
+        await self.closed_to_typing()
         mapping = self.mapping()  # as it is by now
         signals = _signals(mapping)
         self.rows.clear()
+        self.rows.props["inert"] = False
         with self.rows:
             if isinstance(ranked, str):
                 text("p", ranked, "refusal")
@@ -155,17 +155,30 @@ class _View:
                     if quantity not in used:
                         _row(self, quantity, None, ranked.get(quantity, []), mapping)
 
+    async def closed_to_typing(self) -> None:
+        """Waits until nobody types, and lets nobody begin: what is typed now would go with its field."""
+        while True:
+            while await typing():
+                await asyncio.sleep(PAUSE)
+            self.rows.props["inert"] = True
+            if not await typing():
+                return
+            self.rows.props["inert"] = False
+
     async def compare(self) -> None:
         """What looks wrong, and the overlays."""
-        before = self.mapping()
-        found = await or_why(_previewed, self.readings, self.name, before)
+        while True:
+            asked = self.name, self.mapping()
+            found = await or_why(_previewed, self.readings, *asked)
+            if asked == (self.name, self.mapping()):
+                break  # else an edit came meanwhile, and this is of what was before
         self.said.clear()
-        self.said.props["aria-busy"] = "true" if self.mapping() != before else "false"
+        self.said.props["aria-busy"] = "false"
         with self.said:
             if isinstance(found, str):
                 text("p", found, "refusal")
                 return
-            comparison(self.edit, before, *found)
+            comparison(self.edit, asked[1], *found)
 
 
 def _own(project: Project, day: str, on: bool) -> None:

@@ -44,7 +44,7 @@ def lane_problem(steps: int) -> OptimalControlProblem:
     vehicle, lane = VehicleParameters(), LaneDrive(steps=steps, v_end=10.0)
     problem = OptimalControlProblem(NominalStepModel(vehicle), vehicle, steps)
     bound_slip(problem, lane)
-    bound_end(problem, 0.01)
+    bound_end(problem)
     data = problem_data(lane)
     problem.set(data._replace(x_init=data.x_init + np.array([0.1, 0.5, 0.5, 0.5, 0.3, 0.05])))
     return problem

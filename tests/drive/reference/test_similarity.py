@@ -15,8 +15,9 @@ from drift_drake.drive.mpc.ocp import OcpWeights
 from drift_drake.drive.mpc.sqp import SqpOptions
 from drift_drake.drive.reference.chain import NoTransitionError
 from drift_drake.drive.reference.equilibrium import NoEquilibriumError, drift_equilibrium
+from drift_drake.drive.reference.path import Path
 from drift_drake.drive.reference.similarity import Similarity, similarity, time_step
-from drift_drake.drive.reference.trajectory import circle, figure_8, loops
+from drift_drake.drive.reference.trajectory import Reference, figure_8, loops, straight_line
 
 CAR = VehicleParameters()
 
@@ -24,6 +25,14 @@ CAR = VehicleParameters()
 def copy_of(p: VehicleParameters, size: float) -> VehicleParameters:
     """The exact dynamic copy of a car, `size` times as large, of the same materials: masses go with the volume."""
     return Similarity(1.0 / size, math.sqrt(1.0 / size), size**-3).usual(p)
+
+
+def circle(speed: float, duration: float, curvature: float, half_width: float) -> Reference:
+    """A circle of a curvature [1/m] at a speed [m/s], without sideslip or steering."""
+    straight = straight_line(speed, speed, duration, half_width)
+    path = Path([0.0, straight.distance], [curvature, curvature])
+    bent = np.full_like(straight.s, curvature)
+    return dataclasses.replace(straight, path=path, r=curvature * straight.v, curvature=bent)
 
 
 def test_the_default_car_is_its_own_measure() -> None:
@@ -105,8 +114,7 @@ def test_weights_plan_for_a_copy_as_for_the_default_car(size: float) -> None:
     for car in (VehicleParameters(), copy_of(VehicleParameters(), size)):
         units = similarity(car)
         dt = 0.1 * units.time
-        reference = circle(12.0 * units.speed, 12.0 * units.speed, 20.0 * units.time, 0.05 / units.length,
-                           5.0 * units.length)  # fmt: skip
+        reference = circle(12.0 * units.speed, 20.0 * units.time, 0.05 / units.length, 5.0 * units.length)
         weights, command = OcpWeights().of_size(units), tuple(reference.input(0.0))
         options = SqpOptions.converging(1e-6)
         mpc = Mpc(NominalStepModel(car, dt), car, reference, 15, weights, options, 0.0, command)

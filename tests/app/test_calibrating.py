@@ -47,6 +47,7 @@ def test_what_is_lost_is_said_and_one_button_runs_it_again(folder, window, how):
     one.go("Calibrate")
     one.page.get_by_role("button", name="Calibrate", exact=True).click()
     one.page.get_by_text("%)").wait_for()  # it computes
+    one.page.wait_for_load_state("networkidle")  # no file of the page is cut off with the workbench
     one.page.close()
     workbench.process.send_signal(how)
     workbench.close()
@@ -62,6 +63,7 @@ def test_what_is_lost_is_said_and_one_button_runs_it_again(folder, window, how):
         other.page.get_by_role("button", name="Calibrate", exact=True).click()
         other.page.get_by_role("button", name="Cancel the calibration").click()
         other.page.get_by_text("was cancelled; files are as they were before").wait_for()
+        other.page.wait_for_load_state("networkidle")
         other.page.close()
     finally:
         again.close()

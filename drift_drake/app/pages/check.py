@@ -20,8 +20,7 @@ from drift_drake.view.pages.templates import part
 
 def check_page(project: Project, _readings: Recordings, jobs: Jobs, data: dict[str, Any]) -> None:
     """The page's content."""
-    script = (resources.files("drift_drake.app.pages") / "trim.js").read_text()
-    ui.add_body_html(f"<script>{script}</script>")
+    with_dragging()
     days = [day for day in project.days(data) if project.runs(day)]
     if not days:
         text("p", "Import a day first (Columns).", "warning")
@@ -78,14 +77,29 @@ def _accept(project: Project, day: str) -> None:
     set_of_day(project, day, "accepted", stages.check_day(project, day, project.read()).digest())
 
 
-async def _drawn(project: Project, day: str, data: dict[str, Any], place: Any) -> None:
+def with_dragging() -> None:
+    """Lets timelines on the page be dragged in."""
+    script = (resources.files("drift_drake.app.pages") / "trim.js").read_text()
+    ui.add_body_html(f"<script>{script}</script>")
+
+
+async def driven_runs(project: Project, day: str, data: dict[str, Any], place: Any) -> Any:
+    """How a day's runs were driven (`looks.driven`); the place is cleared, and says why where None is returned."""
     car = project.folder / stages.first_guess(data)
     found = await or_why(driven, project.folder / "logs" / day, car) if car.exists() else "describe the car first (Car)"
     place.clear()
+    if not isinstance(found, str):
+        return found
     with place:
-        if isinstance(found, str):
-            text("p", found, "refusal" if car.exists() else "note")
-            return
+        text("p", found, "refusal" if car.exists() else "note")
+    return None
+
+
+async def _drawn(project: Project, day: str, data: dict[str, Any], place: Any) -> None:
+    found = await driven_runs(project, day, data, place)
+    if found is None:
+        return
+    with place:
         trims = bool(project.days(data).get(day))
         if trims:
             _trim_fields(project, day, data)

@@ -3,15 +3,14 @@
 import re
 from collections.abc import Sequence
 from functools import partial
-from importlib import resources
 from typing import Any
 
 from nicegui import ui
 
 from drift_drake.app import stages
-from drift_drake.app.looks import driven
+from drift_drake.app.pages.check import driven_runs, with_dragging
 from drift_drake.app.pages.logs import set_of_day
-from drift_drake.app.pages.parts import box, field, later, or_why, section, text
+from drift_drake.app.pages.parts import box, field, later, section, text
 from drift_drake.app.project import Project
 from drift_drake.view.pages.templates import part
 
@@ -21,8 +20,7 @@ SPAN = re.compile(r"\d+(?:\.\d*)?-\d+(?:\.\d*)?")
 
 def validation_part(project: Project, data: dict[str, Any]) -> None:
     """A timeline for each run of the days that are calibrated on, and a field with what of it is kept."""
-    script = (resources.files("drift_drake.app.pages") / "trim.js").read_text()
-    ui.add_body_html(f"<script>{script}</script>")
+    with_dragging()
     with section("Training and validation"):
         text("p", "Automatic: every fourth 1.5 s is held out at first, and the car is then fitted to all. Or drag in a "
              "timeline to keep a stretch for validation, click for the whole run or none of it: nothing is fitted to "
@@ -36,13 +34,10 @@ def validation_part(project: Project, data: dict[str, Any]) -> None:
 
 
 async def _drawn(project: Project, day: str, data: dict[str, Any], place: Any) -> None:
-    car = project.folder / stages.first_guess(data)
-    found = await or_why(driven, project.folder / "logs" / day, car) if car.exists() else "describe the car first (Car)"
-    place.clear()
+    found = await driven_runs(project, day, data, place)
+    if found is None:
+        return
     with place:
-        if isinstance(found, str):
-            text("p", found, "note")
-            return
         stretches = project.day(day, data).get("validation") or []
         kept = {run.name: spans_of(run.name, stretches) for run in found}
         drawn = {run.name: [(run.start, run.stop)] if kept[run.name] == ALL else _numbers(kept[run.name])

@@ -1,6 +1,7 @@
 """MpcController: `Mpc` as a system that replans at a fixed rate."""
 
 import time
+from abc import abstractmethod
 from contextlib import suppress
 from typing import Any, Protocol
 
@@ -191,9 +192,9 @@ class PlanningSystem(LeafSystem):
         if plan is not None:
             discrete.set_value(self._plan, plan.vector())
 
+    @abstractmethod
     def _found(self, context: Context) -> tuple[Plan | None, float]:
         """(the plan from now on, if there is one; the wall time that it took [s])."""
-        raise NotImplementedError
 
 
 class ControllerSystem(PlanningSystem):

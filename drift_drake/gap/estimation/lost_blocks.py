@@ -8,7 +8,9 @@ from scipy.special import betaln
 
 from drift_drake.gap.estimation.normal import LOST, capped_squares
 
-FAR = 5.0  # root mean square of a block's errors, in robust scales, beyond which its prediction is lost
+FAR = 5.0
+"""Root mean square of a block's errors, in robust scales, beyond which its prediction is lost. Most blocks have about
+one, those of a van with a lifted wheel 10 to 50 (validation); no other value was tried."""
 JEFFREYS = 0.5  # both parameters of the Beta prior of the share of such blocks
 
 

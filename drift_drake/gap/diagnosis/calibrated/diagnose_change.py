@@ -203,14 +203,14 @@ def judged_rest(
     rest = without(search, odd)
     none, others = hypotheses_of(rest, lambda _stage, share: tell("without a few seconds", share))
     again, removed = ranked_hypotheses(rest, none, others, *how)
-    if np.any(usual) and (named_alone(again) or (found.verdict == UNKNOWN and again.verdict == NONE)):
-        said = [USUAL.format(stretches_in_words(search, odd))]
-        return Decided(none, others, again, removed), reduction(search, again.leading, again.leading), said
-    said = [stretch_sentence(stretches_in_words(search, odd), again)]
-    if not named_alone(again):
+    where_odd, as_usual = stretches_in_words(search, odd), bool(np.any(usual))
+    stands = named_alone(again) or (as_usual and found.verdict == UNKNOWN and again.verdict == NONE)
+    said = [USUAL.format(where_odd) if as_usual and stands else stretch_sentence(where_odd, again)]
+    if not stands:
         return judged_all, judged_all.shrinks, said
-    besides = max(found.something_else, found.probabilities[UNKNOWN])
-    again = dataclasses.replace(again, something_else=besides)
+    if not as_usual:
+        besides = max(found.something_else, found.probabilities[UNKNOWN])
+        again = dataclasses.replace(again, something_else=besides)
     return Decided(none, others, again, removed), reduction(search, again.leading, again.leading), said
 
 

@@ -16,6 +16,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from drift_drake.common import safe_files
 from drift_drake.common.errors import OutputError
 from drift_drake.common.safe_files import (
     alone_in,
@@ -88,6 +89,17 @@ def test_modes_and_links_are_kept(tmp_path: Path) -> None:
 def test_a_device_is_written_to(tmp_path: Path) -> None:
     write_text(os.devnull, "text")
     assert not list(tmp_path.iterdir())
+
+
+def test_a_named_pipe_is_written_to_where_somebody_reads_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    with subprocess.Popen(["cat", pipe], stdout=subprocess.PIPE) as reader:
+        write_text(pipe, "text")
+        assert reader.communicate()[0] == b"text"
+    monkeypatch.setattr(safe_files, "PATIENCE", 0.0)
+    with pytest.raises(OutputError, match="is a pipe that nothing reads; start its reader"):
+        write_text(pipe, "text")
 
 
 def test_files_written_together_are_all_there_or_none(tmp_path: Path) -> None:

@@ -1,6 +1,7 @@
 """Writing that loses nothing: to a temporary file next to the destination, which takes its place once complete."""
 
 import contextlib
+import errno
 import fcntl
 import gzip
 import os
@@ -9,6 +10,7 @@ import secrets
 import shutil
 import stat
 import sys
+import time
 from collections.abc import Iterable, Iterator, Mapping
 from functools import cache
 from pathlib import Path
@@ -23,6 +25,7 @@ PARTIAL = ".part-"  # how the folders' names begin; eight hexadecimal digits fol
 _NAME = re.compile(re.escape(PARTIAL) + "[0-9a-f]{8}")
 STANDARD_OUTPUT = Path("-")
 ROWS_AT_ONCE = 10_000
+PATIENCE = 5.0  # [s] that a named pipe may be without a reader
 PROBE = 4096  # bytes that must fit where a result is to be written
 
 
@@ -98,7 +101,7 @@ def replacing(path: str | Path) -> Iterator[Path]:
 
     The folder is made. If the block raises, or the process ends within it, `path` keeps what it held. The temporary
     file has the same name, which tells many writers the format, in a folder of its own next to `path`. A link is
-    followed; what is no regular file (/dev/null, a pipe) is written to directly.
+    followed; what is no regular file (/dev/null, a pipe that somebody reads) is written to directly.
 
     Raises:
         OutputError: the file cannot be written.
@@ -108,7 +111,8 @@ def replacing(path: str | Path) -> Iterator[Path]:
         path.parent.mkdir(parents=True, exist_ok=True)
         target = Path(os.path.realpath(path))
         if _special(path):
-            yield path
+            with _with_reader(path):
+                yield path
             return
         with unfinished_folder(target.parent) as folder:
             part = folder / target.name
@@ -216,6 +220,29 @@ def alone_in(folder: Path) -> Iterator[None]:
 
 def _special(path: Path) -> bool:
     return path.exists() and not path.is_file() and not path.is_dir()
+
+
+@contextlib.contextmanager
+def _with_reader(path: Path) -> Iterator[None]:
+    """Holds a named pipe open while it is written to; raises OutputError where nobody comes to read it."""
+    if not path.is_fifo():
+        yield
+        return
+    end = time.monotonic() + PATIENCE
+    while True:
+        try:
+            pipe = os.open(path, os.O_WRONLY | os.O_NONBLOCK)
+            break
+        except OSError as error:
+            if error.errno != errno.ENXIO:
+                raise
+        if time.monotonic() > end:
+            raise OutputError(f"{path}: is a pipe that nothing reads; start its reader, or give the name of a file")
+        time.sleep(0.01)
+    try:
+        yield
+    finally:
+        os.close(pipe)
 
 
 def _flush(path: Path) -> None:

@@ -43,28 +43,32 @@ OTHER = "other"  # dimension of a unit that is known, and that no quantity of a 
 WORDS = {  # of a unit of the table, or of a factor in products: further spellings, in lower case
     "s": (
         "unixtime utc epoch sec secs second seconds sek sekunde sekunden seconde secondes segundos secondi "
-        "sekunder 秒 초"
+        "sekunder 秒 초 с сек"  # noqa: RUF001
     ),
-    "ms": "毫秒 ミリ秒 msec msecs millisec millisecond milliseconds millisekunden",
+    "ms": "мс 毫秒 ミリ秒 msec msecs millisec millisecond milliseconds millisekunden",
     "us": "usec microsec microsecond microseconds mus",
     "ns": "nsec nanosec nanosecond nanoseconds",
     "min": "mins minute minutes minuten",
-    "h": "hr hrs hour hours std stunde stunden heure heures",
+    "h": "ч hr hrs hour hours std stunde stunden heure heures",
     "day": "days d tag tage jour jours",
-    "m": "meter meters metre metres",
+    "m": "м meter meters metre metres",
     "mm": "millimeter millimeters millimetre millimetres",
     "cm": "centimeter centimeters centimetre centimetres",
-    "km": "kilometer kilometers kilometre kilometres kms",
+    "km": "км kilometer kilometers kilometre kilometres kms",
     "ft": "foot feet",
     "in": "inch inches",
     "yd": "yard yards",
     "mi": "mile miles",
-    "rad": "radian radians rads radiant",
-    "deg": "degree degrees degs grad grader graden grados gradi graus degré degrés ° º 度 도",
+    "rad": "рад radian radians rads radiant",
+    "deg": (
+        "degree degrees degs grad grader graden grados gradi graus degré degrés stupnu stopni derece fok град ° º 度 도"
+    ),
     "mrad": "mrads millirad milliradian milliradians",
     "rev": "revs revolution revolutions turn turns umdrehung umdrehungen tour tours tr u",
     "m/s": "mps ms-1 meterpersecond meterspersecond m/sec",
-    "km/h": "kmh kph kmph kmhr km/hr kmh-1 km/t km/u km/時 kilometersperhour kilometresperhour kilometerperhour",
+    "km/h": (
+        "kmh kph kmph kmhr km/hr kmh-1 km/t km/u km/時 km/sa км/ч kilometersperhour kilometresperhour kilometerperhour"
+    ),
     "mph": "mi/h mi/hr miles/h miles/hr milesperhour mileperhour",
     "kn": "kt kts knot knots knoten noeud noeuds nmi/h",
     "ft/s": "fps feetpersecond",

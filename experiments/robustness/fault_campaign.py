@@ -20,6 +20,7 @@ from matplotlib.figure import Figure
 from diagrams.command import run_command
 from drift_drake.car.effects.magnitudes import Effects
 from drift_drake.car.parameters import VehicleParameters
+from drift_drake.car.single_track.motion import INPUTS
 from drift_drake.car.step_model import NominalStepModel, StepModel
 from drift_drake.common.run_folder import is_done, make_run_folder, write_versions
 from drift_drake.common.safe_files import write_table
@@ -67,8 +68,16 @@ FAULTS = {  # begins after one second, in a drift
     "torque sticks for good": "torque_stuck:1:99",
     "torque lost, 0.5 s": "torque_lost:1:0.5",
     "torque lost for good": "torque_lost:1:99",
+    "no reading, 1 s": "dropout:1:1",
+    "no reading, 3 s": "dropout:1:3",
+    "yaw rate missing, 3 s": "nan:1:3:0:r",
+    "speed missing, 3 s": "nan:1:3:0:v",
+    "steering sticks, 1 s": "steering_stuck:1:1",
+    "torque sticks, 1 s": "torque_stuck:1:1",
 }
 ON_THE_LANE = ("completed", "stopped safely", "time is up")
+OUTCOMES = {"completed": "completed", "stopped safely": "stopped", "time is up": "ran out of time",
+            "left the lane": "left the lane", "spin": "spun", "simulation failed": "failed"}  # fmt: skip
 Model = Literal["nominal", "prior", "online"]
 
 
@@ -151,18 +160,21 @@ def run(job: Job) -> dict[str, Any]:
     made = loop.run(loop.initial_context(job.noise_seed))
     labels = {"fault": job.fault, "vehicle": job.vehicle, "model": job.model, "guarded": job.guarded,
               "noise_seed": job.noise_seed}  # fmt: skip
-    return labels | dataclasses.asdict(made.metrics()) | {"error": made.error}
+    commands = made.table[list(INPUTS)].to_numpy()
+    return labels | dataclasses.asdict(made.metrics()) | {
+        "error": made.error, "commands_not_finite": int((~np.isfinite(commands)).sum())
+    }  # fmt: skip
 
 
 def shares(runs: pd.DataFrame) -> pd.DataFrame:
-    """By fault and guard: loops, those that stayed on the lane and that were stopped, and the share's interval."""
+    """By fault and guard: loops, how they ended, those that stayed on the lane, and that share's 95 % interval."""
     rows = []
     for (fault, guarded), group in runs.groupby(["fault", "guarded"], sort=False):
         stayed = int(group["outcome"].isin(ON_THE_LANE).sum())
         _, low, high = binomial(stayed, len(group), "wilson")
         rows.append({"fault": fault, "guarded": bool(guarded), "loops": len(group), "stayed": stayed, "low": low,
-                     "high": high, "stopped": int((group["outcome"] == "stopped safely").sum()),
-                     "failed": int((group["outcome"] == "simulation failed").sum())})  # fmt: skip
+                     "high": high} | {short: int((group["outcome"] == outcome).sum())
+                                      for outcome, short in OUTCOMES.items()})  # fmt: skip
     return pd.DataFrame(rows)
 
 
@@ -178,10 +190,10 @@ def table(found: pd.DataFrame) -> str:
                 cells.append("-")
                 continue
             g = group.iloc[0]
-            stopped = f" ({g['stopped']})" if guarded else ""
-            cells.append(f"{g['stayed']} of {g['loops']}{stopped}")
+            ended = ", ".join(f"{g[short]} {short}" for short in OUTCOMES.values() if g[short])
+            cells.append(f"{g['stayed']} of {g['loops']} ({ended})")
         rows.append((fault, int(of["loops"].sum()), *cells))
-    heads = ("fault", "loops", "stays on its lane, guarded (of these stopped)", "not guarded")
+    heads = ("fault", "loops", "stays on its lane, guarded (how the loops ended)", "not guarded")
     return "\n".join(tabulated(heads, rows))
 
 
@@ -236,7 +248,8 @@ def report(folder: Path, jobs: list[Job], config: CampaignConfig) -> None:
     write_table(runs, folder / "runs.csv", index=False)
     found = shares(runs)
     outcomes = ", ".join(f"{count} {name}" for name, count in runs["outcome"].value_counts().items())
-    text = f"{len(runs)} loops: {outcomes}\n\n{table(found)}\n"
+    commands = int(runs["commands_not_finite"].sum())
+    text = f"{len(runs)} loops: {outcomes}; {commands} commands that are no finite number\n\n{table(found)}\n"
     write_report(folder, text, config)
     save(picture(found), folder / "fault_campaign.png")
 

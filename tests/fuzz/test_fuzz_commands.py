@@ -132,7 +132,10 @@ def test_inputs_guided_by_what_they_reach(name: str) -> None:
 
 
 class Sequences(RuleBasedStateMachine):
-    """A car's files, worked on by commands in any order, some of them killed: what is there is whole, and goes on."""
+    """A car's files, worked on by commands in any order, some of them killed: what is there is whole, and goes on.
+
+    No rule's precondition looks at files: which are there depends on the moment of a kill, and would not repeat.
+    """
 
     def __init__(self) -> None:
         super().__init__()
@@ -155,7 +158,6 @@ class Sequences(RuleBasedStateMachine):
         assert ended.code in (0, -9) or (there and "holds runs already" in ended.said), ended.said
 
     @rule(after=st.none() | st.floats(0.0, 0.3))
-    @precondition(lambda self: (self.folder / "runs" / "run_0.csv").exists())
     def exports(self, after: float | None) -> None:
         self._does("export", "runs", "--format", "parquet", "--out", "exported", after=after)
 
@@ -165,25 +167,25 @@ class Sequences(RuleBasedStateMachine):
         assert ended.code in (0, -9), ended.said
 
     @rule(after=st.none() | st.floats(0.0, 10.0))
-    @precondition(lambda self: CASES > 0 and (self.folder / "runs" / "run_0.csv").exists())
+    @precondition(lambda _: CASES > 0)
     def checks(self, after: float | None) -> None:
         self._does("check", "runs", "--vehicle", "car.yaml", after=after, longest=LONG)
 
     @rule(after=st.none() | st.floats(0.0, 20.0))
-    @precondition(lambda self: CASES > 0 and (self.folder / "runs" / "run_0.csv").exists())
+    @precondition(lambda _: CASES > 0)
     def identifies(self, after: float | None) -> None:
         words = ("identify", "runs", "--vehicle", "car.yaml", "--out", "identified.yaml", "--quiet")
         self._does(*words, after=after, longest=LONG)
 
     @rule()
-    @precondition(lambda self: (self.folder / "corrected.yaml").exists())
     def takes_the_corrected_car(self) -> None:
-        assert self._does("effects", "--vehicle", "corrected.yaml").code == 0
+        there = (self.folder / "corrected.yaml").exists()
+        assert self._does("effects", "--vehicle", "corrected.yaml").code == (0 if there else 2)
 
     @rule(content=spoilt(log_text().encode()))
-    @precondition(lambda self: (self.folder / "runs").exists())
     def somebody_spoils_a_run(self, content: bytes) -> None:
-        (self.folder / "runs" / "run_0.csv").write_bytes(content)
+        if (self.folder / "runs").exists():
+            (self.folder / "runs" / "run_0.csv").write_bytes(content)
 
     @rule()
     def starts_again(self) -> None:

@@ -33,6 +33,8 @@ MEANT = {
     "delta_cmd": "steering_angle|SteerAng|Steered Angle|road_wheel [rad]|delta|delta_f|steering"
     "|Steering Wheel Angle|SWA"
     "|ángulo del volante|angolo del volante [°]|Lenkradwinkel|Lenkwinkel|angle volant|Angle de braquage"
+    "|Kąt obrotu kierownicy [°]|Úhel natočení volantu [°]|Direksiyon aç\u0131s\u0131|Угол поворота руля"
+    "|StW_Angl|StrgWhlAngl|Angle Steering Wheel [deg]"
     "|steering_angle_cmd|LWI_Lenkradwinkel|steering_tire_angle|StrWhlAng|Steering Pos"
     "|操舵角|ハンドル角|舵角[度]|方向盘转角|前轮转角|조향각|스티어링 휠 각도"
     "|Rattvinkel (grader)|stuurhoek [graden]|ángulo de dirección|δ",
@@ -59,6 +61,7 @@ NONE = [  # names of no quantity of the log
     "angular_acceleration.y", "heading_accuracy", "speed_time", "vel_n", "counter", "gear",
     "airspeed", "LWI_Lenkradw_Geschw", "/control/lateral/steering_tire_rotation_rate", "目標ヨーレート", "目標車速",
     "エンジン回転数", "アクセル開度", "ブレーキ圧", "左前輪速度", "风速", "油门开度", "ロールレート", "俯仰角速度",
+    "StW_AnglSpd", "Rychlost otáčení volantu [°/s]", "prędkość obrotowa silnika", "gz",
     "发动机转速", "스로틀", "操舵角速度", "ヨー角加速度", "速度制限",
 ]  # fmt: skip
 
@@ -238,12 +241,29 @@ def test_times_of_commands_are_named_and_not_taken():
         ("v", "Rychlost [km/h]"), ("v", "Prędkość [km/h]"), ("r", "Rychlost stáčení [deg/s]"),
         ("r", "Prędkość odchylenia [deg/s]"), ("delta_cmd", "Úhel natočení kol [deg]"),
         ("delta_cmd", "Kąt skrętu kół [deg]"), ("delta_cmd", "VA_Radlenkwinkel"), ("time", "sec"), ("time", "Czas [s]"),
+        ("r", "Stáčivá rychlost [°/s]"), ("r", "Legyezési szögsebesség [°/s]"), ("r", "Sapma h\u0131z\u0131 [°/s]"),
+        ("r", "Угловая скорость рыскания [°/сек]"), ("r", "kääntymisnopeus [°/s]"), ("v", "Скорость [км/ч]"),
+        ("ay", "Oldalgyorsulás [m/s²]"), ("ay", "Поперечное ускорение [м/сек²]"), ("ay", "Yanal ivme (m/s²)"),
+        ("delta_cmd", "Kormányszög [°]"), ("time", "Idő [s]"), ("time", "Время [сек]"),
     ],
 )  # fmt: skip
-def test_czech_polish_and_the_german_road_wheel(quantity, name):
+def test_further_languages_and_the_german_road_wheel(quantity, name):
     rank, _ = fit(quantity, name)
     assert rank < LIMIT
     assert quantity != "delta_cmd" or not is_handwheel(name)
+
+
+def test_gz_is_a_yaw_rate_beside_az_and_nothing_alone():
+    r = np.radians(10.0) * np.sin(np.arange(0.0, 40.0, 0.01))
+    v = np.full(4000, 12.0)
+    columns = {"t": np.arange(0.0, 40.0, 0.01), "gz": np.degrees(r), "speed [m/s]": v, "steer": r * 2.5 / v}
+    alone = guessed_mapping([Topic("", pd.DataFrame(columns))])
+    assert alone.missing == ["r"]
+    beside = guessed_mapping(
+        [Topic("", pd.DataFrame({**columns, "ax": 0.0 * r, "ay": v * r / 9.81, "az": 0.0 * r + 1}))]
+    )
+    assert beside.mapping["signals"]["r"] == {"column": "gz", "unit": "deg/s"}
+    assert [beside.mapping["signals"][name]["unit"] for name in ("ax", "ay")] == ["g", "g"]
 
 
 def test_a_unit_of_a_yaw_rate_with_two_meanings_is_asked():

@@ -255,6 +255,11 @@ def test_numbers_that_nothing_measures(tmp_path):
         ("big5", "時間[s],車速[km/h],橫擺角速度[deg/s],轉向角[deg]"),
         ("euc_kr", "시간[s],차속[km/h],요레이트[deg/s],조향각[deg]"),
         ("cp1252", "Zeit [s],Geschwindigkeit [km/h],Girhastighet [°/s],Rattvinkel höger [°]"),
+        ("cp1250", "Čas [s],Rychlost [km/h],Stáčivá rychlost [°/s],Úhel natočení volantu [°]"),
+        ("cp1250", "Czas [s],Prędkość [km/h],Prędkość odchylania [°/s],Kąt obrotu kierownicy [°]"),
+        ("cp1250", "t [s],Sebesség [km/h],Legyezési szögsebesség [°/s],Kormányszög [°]"),
+        ("cp1251", "Время [сек],Скорость [км/ч],Угловая скорость рыскания [°/сек],Угол поворота руля [°]"),
+        ("cp1254", "Zaman [s],H\u0131z [km/sa],Sapma h\u0131z\u0131 [°/s],Direksiyon aç\u0131s\u0131 [°]"),
     ],
 )
 def test_tables_in_the_encodings_of_their_countries(tmp_path, encoding, names):

@@ -18,7 +18,7 @@ from drift_drake.gap.logs.importing.clocks import (
 )
 from drift_drake.gap.logs.importing.evidence import LIKE, Trace, agreements_with, derivative, likeness, product
 from drift_drake.gap.logs.importing.formats.topics import Topic
-from drift_drake.gap.logs.importing.names import LIMIT, fit, stated_unit
+from drift_drake.gap.logs.importing.names import LIMIT, as_gyro, fit, stated_unit
 from drift_drake.gap.logs.wording.conversion import dimensions_of, to_iso8855
 
 LOOKED_FOR = ("latitude", "longitude", "course", "x", "y", "r", "psi", "vx", "vy", "v", "beta", "omega_r", "ax", "ay",
@@ -57,10 +57,11 @@ def named_candidates(quantity: str, ordered: Sequence[Topic], clocks: Mapping[st
     """All columns that may be this quantity, the best first."""
     found = []
     for topic in ordered:
-        for column in topic.table.columns:
+        names = {str(column): own_name(topic, column) for column in topic.table.columns}
+        for column, name in names.items():
             if column == clocks.get(topic.name) or not is_numeric_dtype(topic.table[column]):
                 continue
-            fits = fit(quantity, own_name(topic, column), topic.units.get(column, ""), topic.name)
+            fits = fit(quantity, as_gyro(name, names.values()), topic.units.get(column, ""), topic.name)
             if column in topic.known:
                 said = topic.known[column] == quantity
                 unit = unit_of(topic.units.get(column, ""), dimensions_of(quantity)) if said else None

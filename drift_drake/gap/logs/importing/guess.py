@@ -219,6 +219,8 @@ def _units(
         v, r = (dataclasses.replace(read[key], unit=by_motion.get(key, units[key])).si() for key in ("v", "r"))
         if unit := steering_unit(read["delta_cmd"], v, r, is_handwheel(found["delta_cmd"].column)):
             by_motion["delta_cmd"] = unit
+    if by_motion.get("ay") == "g" and "ax" in found and units["ax"] is None and found["ax"].topic is found["ay"].topic:
+        by_motion["ax"] = "g"  # of one sensor
     by_motion |= {key: "deg" for key in ("latitude", "longitude") if key in found and units[key] is None}
     plain = {key: DIMENSIONS[QUANTITIES[key]][0] for key in found}
     guessed = {key: unit for key, unit in by_motion.items() if units[key] is None and unit != plain[key]}

@@ -5,6 +5,7 @@ A quantity's name has the words of one of its ways and no other word that speaks
 """
 
 import re
+from collections.abc import Iterable
 from typing import NamedTuple
 
 from drift_drake.common.units import DIMENSIONS, OTHER, Unit, is_stated, meanings, unit_of
@@ -68,6 +69,7 @@ UNCLEAR = re.compile(r"(?<![a-z])(phi|theta|φ|ϕ|θ)", re.IGNORECASE)  # of a h
 UNCLEAR_RATES = ("rps",)  # revolutions or radians a second of a yaw rate: asked
 SHORTENED = 5  # letters from which a word in front of others still speaks (`Lenkradw`, `speedfilt`)
 PART = re.compile(r"[A-Z]{2,4}_(?=.*[a-z])")  # of a car, that sends the signal (`ESP_v_Signal`)
+GYRO_AXIS = re.compile(r"((?:.*[^a-zA-Z])?)g_?([xyz])((?![a-zA-Z]).*)", re.IGNORECASE)
 AXES = {"0": "x", "1": "y", "2": "z"}
 VECTORS = {"speed", "acc", "gyro", "angular", "pos", "linear"}
 
@@ -105,6 +107,15 @@ def concepts(name: str) -> tuple[set[str], int, int]:
     elif last:
         said.add("element")
     return said, unknown, numbers
+
+
+def as_gyro(name: str, others: Iterable[str]) -> str:
+    """`gz` beside `az` is a gyroscope's axis, which other names tell; alone it may be an acceleration in g."""
+    found = GYRO_AXIS.fullmatch(name)
+    if found is None:
+        return name
+    accelerations = re.compile(rf"{re.escape(found[1])}a(cc|ccel)?_?{found[2]}(?![a-zA-Z]).*", re.IGNORECASE)
+    return f"{found[1]}gyro_{found[2]}{found[3]}" if any(map(accelerations.fullmatch, others)) else name
 
 
 def parts_of_path(path: str) -> tuple[str, str]:

@@ -1,4 +1,4 @@
-"""The words of a column's name, and what they speak of, in English, German and French (some in seven other languages).
+"""The words of a column's name, and what they speak of, in English, German and French (some in other languages).
 
 Accents are left out; German umlauts stand with and without their e.
 """
@@ -10,33 +10,54 @@ import unicodedata
 from drift_drake.gap.logs.wording.eastern import in_english
 
 CONCEPTS = {
-    "yaw": "yaw yawing gier gieren gir lacet imbardata guinada odchylenia odchylania staceni",
+    "yaw": (
+        "yaw yawing gier gieren gir lacet imbardata guinada odchylenia odchylania staceni "
+        "staciva stacania stacava legyezesi sapma giratie рыскания рыскание zakretanja skretanja kaantymis "
+        "kiertymis"
+    ),
     "turn": "roll rolling wank wanken roulis rollio pitch pitching nick nicken tangage beccheggio",  # not about z
     "rate": "rate rates rt taux taxa dot punkt point deriv",
     "gyro": "gyro gyros gyr gyroscope gyroskop gyroscop kreisel drehrate drehraten rotation",
-    "angular": "angular angulaire rotational angvel winkelgeschwindigkeit",
+    "angular": (
+        "angular angulaire rotational angvel winkelgeschwindigkeit katowa uhlova uhlovou угловая угловои obrotowa"
+    ),
     "linear": "linear",
     "speed": (
         "speed speeds spd velocity velocities vel velo geschwindigkeit geschw vitesse vit velocidad "
-        "velocidade velocita hastighet snelheid predkosc rychlost sog"
+        "velocidade velocita hastighet snelheid predkosc rychlost sog "
+        "sebesseg hiz hizi nopeus viteza brzina hitrost скорость rychlosti predkosci"
     ),
     "steer": (
         "eps steer steering steered str strg lenk lenkung lenken braquage sterzo sterzata styr stuur direccion direcao "
-        "skretu natoceni"
+        "skretu natoceni "
+        "kormany ohjaus obrotu поворота natocenia zatoceni strg ste upravljaca krmila"
     ),
-    "handwheel": "handwheel swa sas lenkrad volant volante volantu ratt stuurwiel timon kierownicy kierownica",
+    "handwheel": (
+        "handwheel swa sas lenkrad volant volante volantu ratt stuurwiel timon kierownicy kierownica "
+        "kormanykerek direksiyon ratti ratin руля рулевого руль volana stw ohjauspyoran"
+    ),
     "road": "road roadwheel strasse",
-    "angle": "angle ang angles winkel wkl angulo angolo vinkel hoek kat uhel",
-    "wheel": "wheel wheels whl whls rad raeder rader roue roues ruota ruote rueda pneu",
+    "angle": (
+        "angle ang angles winkel wkl angulo angolo vinkel hoek kat uhel "
+        "angl an szog aci acisi kulma unghi угол uhol kut kot"
+    ),
+    "wheel": "wheel wheels whl whls колеса rad raeder rader roue roues ruota ruote rueda pneu",
     "axle": "axle achse essieu asse",
     "revs": "rpm revs rev drehzahl regime omega w",
     "acc": (
         "acc accel accels accl acceleration accelerations accelerometer beschleunigung beschl aceleracion "
-        "aceleracao accelerazione acceleratie versnelling przyspieszenie zrychleni gforce gforces"
+        "aceleracao accelerazione acceleratie versnelling przyspieszenie zrychleni gforce gforces "
+        "gyorsulas ivme ivmesi kiihtyvyys ускорение ubrzanje pospesek zrychlenie"
     ),
     "gee": "g",
-    "lat": "lat lateral laterale quer seitlich transversal transversale trasversale sido dwars poprzeczne pricne",
-    "long": "wzdluzne podelne long lon longitudinal longitudinale langs laengs inline forward fwd vorwaerts",
+    "lat": (
+        "lat lateral laterale quer seitlich transversal transversale trasversale sido dwars poprzeczne pricne "
+        "oldal keresztiranyu yanal sivuttais поперечное боковое priecne bocno precni laterala"
+    ),
+    "long": (
+        "wzdluzne podelne long lon longitudinal longitudinale langs laengs inline forward fwd vorwaerts "
+        "hosszanti hosszirany hossziranyu boyuna pitkittais продольное podelna pozdlzne longitudinala uzduzno"
+    ),
     "x": "x",
     "y": "y",
     "z": "z vertical vertikal verticale hoch down",
@@ -52,7 +73,8 @@ CONCEPTS = {
     "torque": "torque torques trq tq moment drehmoment couple coppia vridmoment koppel tau",
     "engine": (
         "engine eng motor motors mot moteur motore crank crankshaft kurbelwelle antrieb antriebs traction drivetrain "
-        "shaft propshaft cardan powertrain emotor"
+        "shaft propshaft cardan powertrain emotor "
+        "silnika motoru motorul moottori двигателя"
     ),
     "rear": "rear rl rr lr hl hr hinten hinter hinterachse heck arriere ar arg ard back posteriore",
     "front": "front f fl fr lf rf vl vr vorn vorne vorder vorderachse avant av avg avd anteriore",
@@ -64,11 +86,15 @@ CONCEPTS = {
     "time": (
         "time times zeit temps tiempo tempo timestamp timestamps stamp stempel zeitstempel horodatage tow itow uhrzeit "
         "uhr utc gmt epoch unixtime tijd tid czas cas seconds secs sec millis "
-        "milliseconds micros microseconds sekunden secondes segundos secondi"
+        "milliseconds micros microseconds sekunden secondes segundos secondi "
+        "ido zaman aika timp время vrijeme vreme"
     ),
     "t": "t ts",
     "date": "date datum datetime",
-    "car": "car vehicle veh fahrzeug fzg fahr vehicule voiture auto vehiculo veicolo ground over own host body chassis",
+    "car": (
+        "car vehicle veh fahrzeug fzg fahr vehicule voiture auto vehiculo veicolo ground over own host body chassis "
+        "pojazdu vozidla jarmu arac aracin ajoneuvo автомобиля vozila"
+    ),
     "norm": "norm magnitude abs absolute total horizontal",
     "source": (
         "based gps imu ins gnss rtk can obd odom odometry ego sensor sensors measured measure meas measurement mess "
@@ -78,6 +104,7 @@ CONCEPTS = {
         "link frame elapsed log since start uptime boot system sys ros recording recorder session of and the in at by "
         "for de do du la le au del della dell di al der die das von vom rec xyz "
         "true mean smoothed smooth lowpass lp current topic can1 can2 bus "
+        "actl comp esti "
         "hydra daq logger adma oxts rt3000 kistler correvit inertial unit group"
     ),
     "target": (
@@ -121,19 +148,23 @@ PAIRS = {  # words that say two things
     "roadwheel": "road wheel", "nengine": "engine revs", "omegar": "revs rear", "asteer": "steer angle",
     "airspeed": "other", "laptime": "other", "runtime": "other", "swangle": "handwheel angle",
     "swrate": "handwheel rate", "strang": "steer angle", "winkelgeschwindigkeit": "angular speed",
-    "angvel": "angular speed", "uptime": "time source", "hinterrad": "rear wheel", "vorderrad": "front wheel",
+    "angvel": "angular speed", "szogsebesseg": "angular speed", "stwhl": "handwheel",
+    "uptime": "time source", "hinterrad": "rear wheel", "vorderrad": "front wheel",
 }  # fmt: skip
 WORDS = {word: (concept,) for concept, words in CONCEPTS.items() for word in words.split()} | {
     word: tuple(concepts.split()) for word, concepts in PAIRS.items()
 }
 CORNERS = ("fl", "fr", "rl", "rr", "vl", "vr", "hl", "hr")
+LETTERS = str.maketrans(
+    {"ß": "ss", "œ": "oe", "Œ": "Oe", "æ": "ae", "ł": "l", "Ł": "L", "\u0131": "i", "ø": "o", "đ": "d"}
+)
 LONGEST = 200  # characters of a name that is read
 
 
 @functools.lru_cache(maxsize=8192)
 def pieces(name: str) -> tuple[str, ...]:
     """The words of a name in lower case, without accents, cut at signs, capitals and digits, and compounds apart."""
-    plain = unicodedata.normalize("NFKD", in_english(name).replace("ß", "ss").replace("œ", "oe").replace("Œ", "Oe"))
+    plain = unicodedata.normalize("NFKD", in_english(name).translate(LETTERS))
     plain = "".join(letter for letter in plain if not unicodedata.combining(letter))
     found: list[str] = []
     for word in re.findall(r"[A-Z]+(?=[A-Z][a-z])|[A-Z]?[a-z]+|[A-Z]+|\d+|[^\W\d_a-zA-Z]+", plain):

@@ -18,7 +18,7 @@ BLANKS = r"\s+"  # as separator: columns between blanks
 MARKS = ((codecs.BOM_UTF8, "utf-8-sig"), (codecs.BOM_UTF32_LE, "utf-32"), (codecs.BOM_UTF32_BE, "utf-32"),
          (codecs.BOM_UTF16_LE, "utf-16"), (codecs.BOM_UTF16_BE, "utf-16"))  # fmt: skip
 EASTERN = ("cp932", "gb18030", "euc_kr", "big5")  # where a text has known words in it
-OTHERWISE = "cp1252"  # encoding of a text that is not UTF-8
+WINDOWS = ("cp1252", "cp1250", "cp1251", "cp1254")  # by the most known words, the first of equals
 COMMENTS = ("#", "//", "%")
 NUMBER = re.compile(r"[+-]?(\d+([.,]\d*)*|[.,]\d+)([eE][+-]?\d+)?|[+-]?(nan|inf|infinity)", re.IGNORECASE)
 TIME = re.compile(r".*\d{1,2}:\d{2}(:\d{2})?([.,:]\d+)?.*|\d{8}T\d{6}.*")
@@ -78,7 +78,7 @@ def layout_of(head: bytes, whole: bool) -> Layout:
 
 
 def encoding_of(head: bytes) -> str:
-    """UTF-8, -16, -32 by their marks and zeros, eastern ones by known words in them, else Windows' 1252."""
+    """UTF-8, -16, -32 by their marks and zeros, eastern ones and those of Windows by known words in them."""
     for mark, name in MARKS:
         if head.startswith(mark):
             return name
@@ -87,8 +87,14 @@ def encoding_of(head: bytes) -> str:
     try:
         codecs.getincrementaldecoder("utf-8")().decode(head)
     except UnicodeDecodeError:
-        return next((name for name in EASTERN if SURE.search(head.decode(name, errors="ignore"))), OTHERWISE)
+        eastern = (name for name in EASTERN if SURE.search(head.decode(name, errors="ignore")))
+        return next(eastern, None) or max(WINDOWS, key=lambda name: _known_words(head.decode(name, errors="replace")))
     return "utf-8"
+
+
+def _known_words(text: str) -> int:
+    """How many different words with letters beyond ASCII speak of something."""
+    return sum(bool(speaks_of(word)) for word in set(re.findall(r"[^\W\d_]+", text)) if not word.isascii())
 
 
 def _cells(line: str, separator: str) -> list[str]:

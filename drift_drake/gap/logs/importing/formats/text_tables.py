@@ -11,7 +11,7 @@ import pandas as pd
 from pandas.api.types import is_numeric_dtype
 
 from drift_drake.common.bounds import PACKINGS, STREAMS, packing
-from drift_drake.gap.logs.importing.formats.layout import BLANKS, DECIMAL_COMMA, HEAD, OTHERWISE, Layout, layout_of
+from drift_drake.gap.logs.importing.formats.layout import BLANKS, DECIMAL_COMMA, HEAD, WINDOWS, Layout, layout_of
 from drift_drake.gap.logs.importing.formats.long_tables import as_wide
 from drift_drake.gap.logs.importing.formats.times import with_times
 from drift_drake.gap.logs.importing.formats.topics import NeededError, Topic
@@ -38,11 +38,11 @@ def read_csv(path: Path) -> list[Topic]:
         try:
             return [_read(path, layout, packed)]
         except UnicodeDecodeError:  # of an umlaut below the first lines
-            return [_read(path, Layout(**{**vars(layout), "encoding": OTHERWISE}), packed)]
+            return [_read(path, Layout(**{**vars(layout), "encoding": WINDOWS[0]}), packed)]
     try:
         return [_read_plain(path, packed, "utf-8")]
     except UnicodeDecodeError:
-        return [_read_plain(path, packed, OTHERWISE)]
+        return [_read_plain(path, packed, WINDOWS[0])]
 
 
 def _read_plain(path: Path, packed: str | None, encoding: str) -> Topic:

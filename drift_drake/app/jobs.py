@@ -19,7 +19,7 @@ from typing import Any
 
 from drift_drake.app.aside import drop, put_aside, put_back, there
 from drift_drake.app.project import Project
-from drift_drake.app.stages import Stage
+from drift_drake.app.stages import Stage, good
 from drift_drake.common.interruption import BAD_INPUT
 
 BAR = re.compile(r"(?:(?P<stage>[^:\r\n]*): )?\s*(?P<percent>\d{1,3})%\|")
@@ -166,8 +166,9 @@ class Jobs:
 
     def _record(self, stage: Stage, digest: str, **more: Any) -> None:
         def write(record: dict[str, Any]) -> None:
+            kept = good(record)  # if it does not end well, the outputs are as they were before
             record.clear()
-            record.update(command=stage.command(), inputs=digest, **more,
+            record.update(command=stage.command(), inputs=digest, good=kept, **more,
                           at=datetime.datetime.now().astimezone().isoformat(timespec="seconds"))  # fmt: skip
 
         self.record(stage.name, write)

@@ -15,9 +15,13 @@ DEFAULTS = {"sign": 1.0, "scale": 1.0, "offset": 0.0, "frame": ""}
 
 def first_mapping(project: Project, readings: Recordings, name: str) -> None:
     """Writes the mapping that `drift-drake import --look` prints; raises InvalidRecordingError."""
-    from drift_drake.gap.logs.importing.look import look, mapping_text
+    from drift_drake.gap.logs.importing.formats.files import InvalidRecordingError
+    from drift_drake.gap.logs.importing.look import mapping_text
 
-    write_text(project.folder / MAPPING, mapping_text(look(project.folder / name, read=readings.topics(name))))
+    summary = readings.summary(name)
+    if summary.found is None:
+        raise InvalidRecordingError(summary.refused)
+    write_text(project.folder / MAPPING, mapping_text(summary.found))
 
 
 def look_command(name: str) -> str:

@@ -13,6 +13,7 @@ from drift_drake.common.errors import DriftDrakeError
 from drift_drake.view.pages.charts import decimated
 
 if TYPE_CHECKING:  # slow to import: the workbench opens before they are
+    from drift_drake.gap.logs.importing.excerpt import Excerpt
     from drift_drake.gap.logs.importing.formats.topics import Topic
     from drift_drake.gap.logs.importing.look import Look
 
@@ -50,6 +51,7 @@ class Recordings:
         self._folder, self._lock = folder, threading.Lock()
         self._topics: OrderedDict[tuple[str, int, int], list[Topic]] = OrderedDict()
         self._summaries: dict[tuple[str, int, int], Summary] = {}
+        self._excerpts: OrderedDict[tuple[object, ...], Excerpt] = OrderedDict()
 
     def topics(self, name: str) -> "list[Topic]":
         """What a recording holds; raises InvalidRecordingError where it cannot be read."""
@@ -63,6 +65,17 @@ class Recordings:
                     self._topics.popitem(last=False)
             self._topics.move_to_end(key)
             return self._topics[key]
+
+    def excerpt(self, name: str, *part: float) -> "Excerpt":
+        """What is looked at of a recording at once (`importing.excerpt`); part: length, start, end [s]."""
+        from drift_drake.gap.logs.importing.excerpt import excerpt
+
+        key = *self._key(name), *part
+        if key not in self._excerpts:
+            self._excerpts[key] = excerpt(self.topics(name), *part)
+            while len(self._excerpts) > KEPT:
+                self._excerpts.popitem(last=False)
+        return self._excerpts[key]
 
     def summary(self, name: str) -> Summary:
         """Rates, gaps and thumbnails of a recording."""

@@ -3,7 +3,7 @@
 import json
 import re
 import shlex
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -12,7 +12,7 @@ from drift_drake.car.log.table import IMPORT_REPORT
 
 DAY = re.compile(r"[^\W_][\w .-]{0,39}")  # what a day may be called: it is a folder's name
 STATES = {
-    "none": "not run yet", "running": "running", "done": "done", "stale": "its inputs have changed: run it again",
+    "none": "not run yet", "running": "running", "done": "done", "stale": "what it rests on has changed: run it again",
     "refused": "refused", "cancelled": "cancelled",
 }  # fmt: skip
 
@@ -29,6 +29,7 @@ class Stage:
     outputs: list[str]
     refused: Callable[[], str | None] = field(default=lambda: None)
     replaces: str = ""  # a folder that the command makes anew
+    rests_on: "Callable[[], list[Stage]]" = field(default=list)  # steps whose outputs it reads
 
     def command(self) -> str:
         """What gives the same files in a terminal, from within the folder."""
@@ -48,7 +49,15 @@ class Stage:
             return "none"
         if ended == "running":
             return ended
-        return ended if record.get("inputs") == self.digest() and ended in STATES else "stale"
+        if record.get("inputs") != self.digest() or ended not in STATES:
+            return "stale"
+        return ended if ended != "done" or all(one.current(data) for one in self.rests_on()) else "stale"
+
+    def current(self, data: Mapping[str, Any]) -> bool:
+        """Whether the outputs are there, and of what there is now, all the way back."""
+        record = data["steps"].get(self.name)
+        there = isinstance(record, dict) and all((self.project.folder / path).exists() for path in self.outputs)
+        return there and good(record) == self.digest() and all(one.current(data) for one in self.rests_on())
 
     def said(self, data: Mapping[str, Any]) -> str:
         """What the command said when it was last run."""
@@ -64,6 +73,11 @@ class Stage:
     def written(self) -> list[str]:
         """What the command makes anew, or writes over."""
         return [self.replaces] if self.replaces else self.outputs
+
+
+def good(record: Mapping[str, Any]) -> Any:
+    """The digest of the inputs that a step's outputs are of, by its record; None where there are none."""
+    return record.get("inputs") if record.get("ended") == "done" else record.get("good")
 
 
 def import_day(project: Project, day: str, data: dict[str, Any]) -> Stage:
@@ -89,7 +103,7 @@ def check_day(project: Project, day: str, data: dict[str, Any]) -> Stage:
     car = first_guess(data)
     words = ["check", f"logs/{day}", "--vehicle", car, "--for-calibration", "--json", out]
     return Stage(project, f"check {day}", f"the check of {day}", words, [*_logs(project, day), car], [out],
-                 lambda: _there(project, car, day))  # fmt: skip
+                 lambda: _there(project, car, day), rests_on=lambda: _imported(project, [day], data))  # fmt: skip
 
 
 def baseline(project: Project, data: dict[str, Any]) -> list[str]:
@@ -122,7 +136,8 @@ def calibrate(project: Project, data: dict[str, Any]) -> Stage:
 
     inputs = [path for day in days for path in _logs(project, day)] + [first_guess(data)]
     return Stage(project, "calibrate", "the calibration", words, inputs,
-                 [CALIBRATED, CALIBRATION, CALIBRATION_REPORT], refused)  # fmt: skip
+                 [CALIBRATED, CALIBRATION, CALIBRATION_REPORT], refused,
+                 rests_on=lambda: _imported(project, days, data))  # fmt: skip
 
 
 def believed(data: dict[str, Any]) -> tuple[str, list[str]]:
@@ -142,12 +157,15 @@ def diagnose(project: Project, day: str, data: dict[str, Any]) -> Stage:
         now = project.read()
         if (why := _there(project, vehicle, day)) is not None:
             return why
-        if vehicle == CALIBRATED and (state := calibrate(project, now).state(now)) != "done":
-            return f"calibrate the car first (the calibration: {STATES[state]})"
+        if vehicle == CALIBRATED and not calibrate(project, now).current(now):
+            return f"calibrate the car first (the calibration: {STATES[calibrate(project, now).state(now)]})"
         return None
 
+    def rests_on() -> list[Stage]:
+        return _imported(project, [day], data) + ([calibrate(project, data)] if vehicle == CALIBRATED else [])
+
     return Stage(project, f"diagnose {day}", f"the diagnosis of {day}", words,
-                 [*_logs(project, day), vehicle, *trust[1:]], outputs, refused)  # fmt: skip
+                 [*_logs(project, day), vehicle, *trust[1:]], outputs, refused, rests_on=rests_on)  # fmt: skip
 
 
 def apply(project: Project, day: str, data: dict[str, Any]) -> Stage:
@@ -155,7 +173,8 @@ def apply(project: Project, day: str, data: dict[str, Any]) -> Stage:
     vehicle, answer, out = believed(data)[0], f"answers/{day}.json", f"corrected/{day}.yaml"
     words = ["apply", answer, "--vehicle", vehicle, "--out", out]
     return Stage(project, f"apply {day}", f"the correction by {day}", words, [answer, vehicle], [out],
-                 lambda: _done(diagnose(project, day, project.read())))  # fmt: skip
+                 lambda: _done(diagnose(project, day, project.read())),
+                 rests_on=lambda: [diagnose(project, day, data)])  # fmt: skip
 
 
 def replay(project: Project, day: str, run: str, data: dict[str, Any]) -> Stage:
@@ -164,14 +183,16 @@ def replay(project: Project, day: str, run: str, data: dict[str, Any]) -> Stage:
     log, out = f"logs/{day}/{run}", f"replays/{day} {run.split('.')[0]}.html"
     words = ["replay", log, "--vehicle", vehicle, "--corrected", corrected, "--html", out]
     return Stage(project, f"replay {day} {run}", "the replay", words, [log, vehicle, corrected], [out],
-                 lambda: _done(apply(project, day, project.read())))  # fmt: skip
+                 lambda: _done(apply(project, day, project.read())),
+                 rests_on=lambda: [apply(project, day, data)])  # fmt: skip
 
 
 def export(project: Project, day: str) -> Stage:
     """A day's runs for Foxglove."""
     out = f"foxglove/{day}"
     words = ["export", f"logs/{day}", "--format", "mcap", "--out", out]
-    return Stage(project, f"export {day}", "the export", words, _logs(project, day), [out], replaces=out)
+    return Stage(project, f"export {day}", "the export", words, _logs(project, day), [out], replaces=out,
+                 rests_on=lambda: _imported(project, [day], project.read()))  # fmt: skip
 
 
 def plan_next(project: Project, day: str, data: dict[str, Any]) -> Stage:
@@ -179,13 +200,14 @@ def plan_next(project: Project, day: str, data: dict[str, Any]) -> Stage:
     vehicle, answer, out = believed(data)[0], f"answers/{day}.json", f"plans/{day}.csv"
     words = ["plan-next", answer, "--vehicle", vehicle, "--out", out]
     return Stage(project, f"plan {day}", "the plan of the next drive", words, [answer, vehicle], [out],
-                 lambda: _done(diagnose(project, day, project.read())))  # fmt: skip
+                 lambda: _done(diagnose(project, day, project.read())),
+                 rests_on=lambda: [diagnose(project, day, data)])  # fmt: skip
 
 
 def passed(project: Project, day: str, data: dict[str, Any]) -> bool:
     """Whether a day may be calibrated on: its check of these inputs said so, or somebody has taken it nevertheless."""
     stage = check_day(project, day, data)
-    if stage.state(data) != "done":
+    if not stage.current(data):
         return False
     return bool(checked(project, day)["for_calibration"]["good_enough"]) or accepted(project, day, data)
 
@@ -198,6 +220,12 @@ def accepted(project: Project, day: str, data: dict[str, Any]) -> bool:
 def checked(project: Project, day: str) -> dict[str, Any]:
     """What a day's check wrote."""
     return dict(json.loads((project.folder / f"check/{day}.json").read_text(encoding="utf-8")))
+
+
+def _imported(project: Project, days: Sequence[str], data: dict[str, Any]) -> list[Stage]:
+    """Imports of days, but for runs that were not imported here."""
+    stages = [import_day(project, day, data) for day in days if project.days(data).get(day)]
+    return [stage for stage in stages if stage.name in data["steps"]]
 
 
 def _logs(project: Project, day: str) -> list[str]:
@@ -213,5 +241,5 @@ def _there(project: Project, vehicle: str, day: str) -> str | None:
 
 
 def _done(stage: Stage) -> str | None:
-    state = stage.state(stage.project.read())
-    return None if state == "done" else f"{stage.title} comes first ({STATES[state]})"
+    data = stage.project.read()
+    return None if stage.current(data) else f"{stage.title} comes first ({STATES[stage.state(data)]})"

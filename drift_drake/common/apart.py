@@ -194,7 +194,7 @@ def serve(number: int) -> None:
             for view in views:
                 if view.nbytes:
                     connection.send_bytes(view)
-            del data, views
+            del data, views, buffers  # which hold the file
 
 
 def _pickled(answer: tuple[Any, Exception | None], buffers: list[pickle.PickleBuffer]) -> bytes:

@@ -14,6 +14,8 @@ from drift_drake.car.templates import TEMPLATES
 from drift_drake.car.vehicle_file import write_vehicle
 from drift_drake.gap.diagnosis.answers.answer import Answer
 from drift_drake.gap.estimation.prior import Interval
+from drift_drake.gap.logs.screening.gains import Bounds
+from drift_drake.gap.logs.screening.overlays import Estimates
 from tests.app.conftest import Workbench
 
 sys.path.append(str(Path(__file__).parents[1] / "gap" / "logs"))
@@ -76,6 +78,8 @@ def test_an_mcap_file_is_dropped_and_imported(workbench, window, tmp_path):
     page.get_by_label("wheelbase").fill(f"{WHEELBASE:.4g}")
     page.keyboard.press("Enter")
     page.get_by_role("button", name="Take steering ratio").click()
+    page.get_by_text("which is in use").first.wait_for()
+    page.get_by_role("button", name="Take steering ratio").wait_for(state="detached")
     page.get_by_text("nothing looks wrong").wait_for()
     mapping = yaml.safe_load((workbench.folder / "mapping.yaml").read_text())
     assert 1.0 / mapping["signals"]["delta_cmd"]["scale"] == pytest.approx(RATIO, rel=0.1)
@@ -83,6 +87,18 @@ def test_an_mcap_file_is_dropped_and_imported(workbench, window, tmp_path):
     page.locator(".state.done").wait_for()
     (run,) = read_case(workbench.folder / "logs" / "day 1")
     assert run.t[-1] == pytest.approx(24.0, abs=0.1)
+
+
+def test_gentle_driving_offers_only_what_contradicts_the_mapping():
+    compared = pytest.importorskip("drift_drake.app.pages.compared", reason="needs the extra `app`")
+    mapping = {"signals": {"delta_cmd": {"scale": 1.0 / 15.0}}, "measured_point": [0.4, 0.0]}
+    gentle = Estimates(Bounds(0.95, 0.98, 1.02), Bounds(0.2, 0.3, 0.4), Bounds(-0.1, 0.05, 0.1))
+    ratio, ahead, left = compared.told(mapping, gentle)
+    assert (ratio.low, ratio.used, ratio.agrees) == (pytest.approx(14.25), pytest.approx(15.0), True)
+    assert (ahead.low, ahead.used, ahead.agrees) == (pytest.approx(0.6), 0.4, False)
+    assert (left.used, left.agrees) == (0.0, True)
+    ahead.take(mapping)
+    assert mapping["measured_point"] == [0.7, 0.0]
 
 
 def test_a_simulator_is_the_car_and_a_recordings_end_is_dragged(workbench, window):
@@ -143,6 +159,9 @@ def test_a_recording_is_dragged_onto_a_day_which_may_have_its_own_mapping(workbe
 
 def test_runs_are_exported(workbench, window):
     one = window(workbench)
+    one.go("Columns")  # its start was changed
+    one.page.get_by_role("button", name="Import day 1").click()
+    one.page.locator(".state.done").wait_for()
     one.go("Apply")
     one.page.get_by_role("button", name="Export day 1 for Foxglove").click()
     one.page.locator(".state.done").wait_for()

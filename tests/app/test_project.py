@@ -210,3 +210,41 @@ def test_of_a_folder_that_is_made_anew_what_no_command_wrote_stays(project):
     drop(project.folder, ["logs/old"])
     assert {path.name: path.read_text() for path in folder.iterdir()} == {"run_0.csv": "new", "notes.txt": "mine"}
     assert [path.name for path in folder.parent.iterdir()] == ["old"]
+
+
+def test_a_step_goes_stale_with_what_it_rests_on_and_not_with_a_run_that_was_cancelled(project):
+    with project.changing() as data:
+        data["recordings"] = {"first.csv": "monday"}
+    (project.folder / "mapping.yaml").write_text("{}")
+    (project.folder / "logs" / "monday").mkdir()
+    (project.folder / "logs" / "monday" / "run_0.csv").write_text(RUN)
+
+    def way():
+        data = project.read()
+        return [stages.import_day(project, "monday", data), stages.check_day(project, "monday", data),
+                stages.calibrate(project, data), stages.diagnose(project, "old", data),
+                stages.apply(project, "old", data), stages.replay(project, "old", "run_0.csv", data)]  # fmt: skip
+
+    def states():
+        return [stage.state(project.read()) for stage in way()]
+
+    for k in range(6):
+        done(project, way()[k], for_calibration={"good_enough": True})
+    assert states() == ["done"] * 6
+    write_vehicle(project.folder / "car.yaml", TEMPLATES["saloon"])  # no file that the diagnosis reads has changed
+    assert states() == ["done"] + ["stale"] * 5
+    assert "calibrate the car first" in way()[3].refused()
+    write_vehicle(project.folder / "car.yaml", TEMPLATES["coupe"])
+    assert states() == ["done"] * 6
+    with project.changing() as data:
+        data["days"]["monday"] = {"start": 1.0}  # which the import alone depends on
+    assert states() == ["stale"] * 6
+    with project.changing() as data:
+        data["days"]["monday"] = {}
+    jobs = Jobs(project)
+    jobs._record(way()[2], way()[2].digest(), ended="cancelled", said="")
+    assert states() == ["done", "done", "cancelled", "done", "done", "done"]
+    assert way()[3].refused() is None
+    project.set_option("criterion", "likelihood")  # of the calibration that was cancelled and is not there
+    jobs._record(way()[2], way()[2].digest(), ended="cancelled", said="")
+    assert states() == ["done", "done", "cancelled", "stale", "stale", "stale"]

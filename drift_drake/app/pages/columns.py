@@ -1,6 +1,7 @@
 """Columns: which column is which quantity, laid over what others say of it; what looks wrong, and how to fix it."""
 
 import asyncio
+import math
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
@@ -96,6 +97,11 @@ class _View:
         """What the mapping file of the recording's day holds."""
         return self.project.mapping(self.project.mapping_of(self.days[self.name])) or {}
 
+    def part(self) -> tuple[float, float, float]:
+        """Length, start and end [s] of what is looked at of the recording."""
+        day = self.project.day(self.days[self.name])
+        return LOOKED_AT, float(day.get("start") or 0.0), float(math.inf if day.get("end") is None else day["end"])
+
     async def draw(self) -> None:
         """All of it."""
         await self.draw_rows()
@@ -131,7 +137,7 @@ class _View:
 
     async def draw_rows(self) -> None:
         """A row a quantity: those that are chosen, and the others folded."""
-        ranked = await or_why(_ranked, self.readings, self.name, _signals(self.mapping()))
+        ranked = await or_why(_ranked, self.readings, self.name, self.part(), _signals(self.mapping()))
         await self.closed_to_typing()
         mapping = self.mapping()  # as it is by now
         signals = _signals(mapping)
@@ -169,7 +175,7 @@ class _View:
         """What looks wrong, and the overlays."""
         while True:
             asked = self.name, self.mapping()
-            found = await or_why(_previewed, self.readings, *asked)
+            found = await or_why(_previewed, self.readings, self.name, self.part(), asked[1])
             if asked == (self.name, self.mapping()):
                 break  # else an edit came meanwhile, and this is of what was before
         self.said.clear()
@@ -206,10 +212,10 @@ def _first(project: Project, readings: Recordings, name: str) -> None:
             text("code", look_command(name))
 
 
-def _ranked(readings: Recordings, name: str, signals: dict[str, Any]) -> Any:
+def _ranked(readings: Recordings, name: str, part: tuple[float, ...], signals: dict[str, Any]) -> Any:
     from drift_drake.gap.logs.importing.candidates import ranked
 
-    return ranked(readings.topics(name), signals)
+    return ranked(readings.excerpt(name, *part).topics, signals)
 
 
 def _signals(mapping: dict[str, Any] | None) -> dict[str, Any]:
@@ -289,13 +295,15 @@ def _said(one: Any) -> str:
     return f"{one.column}{why}{' (by its name)' if one.named and not one.says else ''}"
 
 
-def _previewed(readings: Recordings, name: str, mapping: dict[str, Any]) -> Any:
+def _previewed(readings: Recordings, name: str, part: tuple[float, ...], mapping: dict[str, Any]) -> Any:
     from drift_drake.gap.logs.importing.importer import PERIOD
     from drift_drake.gap.logs.importing.preview import preview
     from drift_drake.gap.logs.screening.overlays import estimates, overlays, panels_of
 
-    found = preview(Path(name), readings.topics(name), mapping, end=LOOKED_AT)
+    seen = readings.excerpt(name, *part)
+    shown = (seen.start, seen.end) if math.isfinite(seen.end) else None
+    found = preview(Path(name), seen.topics, mapping, *seen.own)
     length = mapping.get("wheelbase")
     length = length if isinstance(length, int | float) and length > 0.0 else None
     compared = overlays(found.pieces, PERIOD, length)
-    return found, compared, panels_of(compared), estimates(found.pieces, PERIOD, length)
+    return found, compared, panels_of(compared), estimates(found.pieces, PERIOD, length), shown

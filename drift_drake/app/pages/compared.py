@@ -2,7 +2,7 @@
 
 from collections.abc import Awaitable, Callable
 from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
 from drift_drake.app.mapping_edits import edit as set_key
 from drift_drake.app.mapping_edits import merge, set_global
@@ -15,9 +15,17 @@ Edit = Callable[[Callable[[dict[str, Any]], None], bool], Awaitable[None]]
 
 
 def comparison(
-    edit: Edit, before: dict[str, Any], found: Any, compared: list[Any], panels: list[Any], gentle: Any
-) -> None:
-    """What is said of a recording under the mapping `before`; found: `importing.preview.Preview`."""
+    edit: Edit, before: dict[str, Any], found: Any, compared: list[Any], panels: list[Any], gentle: Any,
+    part: tuple[float, float] | None,
+) -> None:  # fmt: skip
+    """What is said of a recording under the mapping `before`.
+
+    Args:
+        found: `importing.preview.Preview`; gentle: `screening.overlays.Estimates`; part: start and end [s] of what was
+            looked at, None of all.
+    """
+    if part is not None:
+        text("p", f"Compared: {part[0]:.0f} to {part[1]:.0f} s of the recording; times here begin with it.", "note")
     if found.refused:
         with box("div", "refusal", role="alert"):
             text("p", f"The import would be refused: {found.refused.sentence}")
@@ -40,26 +48,52 @@ def comparison(
         Chart(panels, "Columns against what others say of them")
 
 
-def _estimated(edit: Edit, mapping: dict[str, Any], gentle: Any) -> None:
-    """What gentle driving tells of the steering and of where the speed is measured, each to be taken over."""
+class Told(NamedTuple):
+    """What gentle driving tells of a number of the mapping: its interval, what is in use, and what takes it over."""
+
+    what: str
+    unit: str
+    low: float
+    middle: float
+    high: float
+    used: float
+    take: Callable[[dict[str, Any]], None]
+
+    @property
+    def agrees(self) -> bool:
+        return self.low <= self.used <= self.high
+
+
+def told(mapping: dict[str, Any], gentle: Any) -> list[Told]:
+    """Of the steering ratio and of where the speed is measured; gentle: `screening.overlays.Estimates`."""
+    found = []
     line = (mapping.get("signals") or {}).get("delta_cmd")
-    point = [float(q) for q in mapping.get("measured_point") or (0.0, 0.0)]
     scale = line.get("scale", 1.0) if isinstance(line, dict) else None
-    offers = []
     if gentle.steering is not None and isinstance(scale, int | float) and scale:
-        low, middle, high = sorted(
-            q / scale for q in (gentle.steering.low, gentle.steering.middle, gentle.steering.high)
-        )
-        offers.append(("steering ratio", "", low, middle, high, partial(_take_ratio, middle)))
-    for axis, (side, found) in enumerate((("ahead", gentle.ahead), ("to the left", gentle.left))):
-        if found is not None:
-            low, middle, high = (q + point[axis] for q in (found.low, found.middle, found.high))
-            offers.append((f"speed is measured {side} by", " m", low, middle, high, partial(_take_point, axis, middle)))
-    for what, unit, low, middle, high, change in offers:
+        ends = gentle.steering.low, gentle.steering.middle, gentle.steering.high
+        low, middle, high = sorted(q / scale for q in ends)
+        found.append(Told("steering ratio", "", low, middle, high, 1.0 / scale, partial(_take_ratio, middle)))
+    point = [float(q) for q in mapping.get("measured_point") or (0.0, 0.0)]
+    for axis, (side, one) in enumerate((("ahead", gentle.ahead), ("to the left", gentle.left))):
+        if one is not None:
+            low, middle, high = (q + point[axis] for q in (one.low, one.middle, one.high))
+            what, take = f"speed is measured {side} by", partial(_take_point, axis, middle)
+            found.append(Told(what, " m", low, middle, high, point[axis], take))
+    return found
+
+
+def _estimated(edit: Edit, mapping: dict[str, Any], gentle: Any) -> None:
+    """What gentle driving tells, to be taken over where it contradicts what is in use."""
+    for one in told(mapping, gentle):
+        span = f"{significant(one.low, 3)} to {significant(one.high, 3)}{one.unit}"
+        says = f"{one.what}, from gentle driving: {significant(one.middle, 3)}{one.unit} ({span})"
+        if one.agrees:
+            text("p", f"{says}: agrees with {significant(one.used, 3)}{one.unit}, which is in use.", "note")
+            continue
         with box("div", "run"):
-            span = f"{significant(low, 3)} to {significant(high, 3)}"
-            text("span", f"{what}, from gentle driving: {significant(middle, 3)}{unit} ({span}{unit})")
-            button(f"Take {significant(middle, 3)}{unit}", partial(edit, change, True), label=f"Take {what}")
+            text("span", says)
+            button(f"Take {significant(one.middle, 3)}{one.unit}", partial(edit, one.take, True),
+                   label=f"Take {one.what}")  # fmt: skip
 
 
 def _take_ratio(ratio: float, data: dict[str, Any]) -> None:

@@ -18,7 +18,7 @@ from drift_drake.gap.logs.importing.mapping import RecorderMapping
 from drift_drake.gap.logs.importing.offsets import ClockReport, clock_offsets
 from drift_drake.gap.logs.importing.position import course_doubts
 from drift_drake.gap.logs.importing.recording import Recording, read_recording
-from drift_drake.gap.logs.importing.smoothing import SHORTEST, smooth
+from drift_drake.gap.logs.importing.smoothing import SHORTEST, noise_of
 from drift_drake.gap.logs.importing.stretches import (
     LARGEST_GAP,
     MEASURED,
@@ -269,7 +269,7 @@ def _noise_of_other_clocks(recording: Recording, mapping: RecorderMapping) -> di
         if signal.clock != mapping.first_clock and name in MEASURED:
             t, values = recording.clocks[signal.clock].seen(name)
             if len(t) >= SHORTEST:
-                noise[name] = smooth(t, without_jumps(values)).noise
+                noise[name] = noise_of(t, without_jumps(values))
     return noise
 
 

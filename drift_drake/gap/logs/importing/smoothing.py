@@ -9,7 +9,7 @@ Clocks may be uneven and readings may be missing (NaN): the smoother bridges the
 
 import dataclasses
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.optimize import minimize_scalar
@@ -41,6 +41,29 @@ class Smoothed:
     bandwidth: float
 
 
+class _Fit(NamedTuple):
+    """A signal's columns [k, n] less a parabola (bend, slope, origin) along the time [n, 1] in periods, all in units of
+    its noise's order, and what the smoother's ratio and the noise are."""
+
+    steps: Array
+    columns: Array
+    parabola: tuple[Array, Array, Array]
+    along: Array
+    unit: float
+    period: float
+    log_scale: float
+    noise: float
+
+
+def noise_of(t: Array, z: Array) -> float:
+    """Standard deviation of one reading of z [n] at times t [n] [s], as `smooth` estimates it, in less time.
+
+    Raises:
+        ValueError: fewer than SHORTEST readings.
+    """
+    return _fit(t, z, math.inf).noise
+
+
 def smooth(t: Array, z: Array, highest: float = math.inf) -> Smoothed:
     """Smooths and differentiates z [n] or [n, k] (its k columns share noise and bandwidth), read at times t [n] [s].
 
@@ -49,6 +72,22 @@ def smooth(t: Array, z: Array, highest: float = math.inf) -> Smoothed:
     Raises:
         ValueError: fewer than SHORTEST readings.
     """
+    fit = _fit(t, z, highest)
+    (bend, slope, origin), along, period = fit.parabola, fit.along, fit.period
+    states = [_smoothed(fit.steps, column, float(np.exp(-6.0 * fit.log_scale))) for column in fit.columns]
+    mean = np.stack([state[0] for state in states], axis=1) * fit.unit
+    std = np.sqrt(np.maximum(states[0][1], 0.0)) * fit.noise / period ** np.arange(3)
+    return Smoothed(
+        value=mean[:, :, 0] + origin + slope * along + bend * along**2,
+        rate=(mean[:, :, 1] + slope + 2.0 * bend * along) / period,
+        acceleration=(mean[:, :, 2] + 2.0 * bend) / period**2,
+        std=std,
+        noise=fit.noise,
+        bandwidth=float(np.exp(-fit.log_scale)) / (2.0 * np.pi * period),
+    )
+
+
+def _fit(t: Array, z: Array, highest: float) -> _Fit:
     z = np.asarray(z, dtype=float).reshape(len(t), -1)
     seen = np.isfinite(z).all(axis=1)
     if np.count_nonzero(seen) < SHORTEST:
@@ -82,17 +121,7 @@ def smooth(t: Array, z: Array, highest: float = math.inf) -> Smoothed:
     ratio = float(np.exp(-6.0 * found.x))
     chi2, _, count = np.sum([_likelihood(steps, column, ratio, start) for column in columns], axis=0)
     noise = unit * float(np.sqrt(chi2 / count))
-    states = [_smoothed(steps, column, ratio) for column in columns]
-    mean = np.stack([state[0] for state in states], axis=1) * unit
-    std = np.sqrt(np.maximum(states[0][1], 0.0)) * noise / period ** np.arange(3)
-    return Smoothed(
-        value=mean[:, :, 0] + origin + slope * along + bend * along**2,
-        rate=(mean[:, :, 1] + slope + 2.0 * bend * along) / period,
-        acceleration=(mean[:, :, 2] + 2.0 * bend) / period**2,
-        std=std,
-        noise=noise,
-        bandwidth=float(np.exp(-found.x)) / (2.0 * np.pi * period),
-    )
+    return _Fit(steps, columns, (bend, slope, origin), along, unit, period, float(found.x), noise)
 
 
 @compiled

@@ -15,7 +15,7 @@ from drift_drake.gap.logs.importing.known import needs_path
 from drift_drake.gap.logs.importing.mapping import DERIVABLE, RecorderMapping
 from drift_drake.gap.logs.importing.position import path_motion
 from drift_drake.gap.logs.importing.recording import Readings
-from drift_drake.gap.logs.importing.smoothing import SHORTEST, smooth
+from drift_drake.gap.logs.importing.smoothing import SHORTEST, noise_of, smooth
 from drift_drake.gap.logs.noise import without_jumps
 from drift_drake.gap.logs.screening.bad_samples import stuck
 from drift_drake.gap.logs.wording.conversion import PlanarMotion, at_centre_of_gravity, to_body
@@ -79,7 +79,7 @@ def stretch_of(readings: Readings, part: slice, mapping: RecorderMapping) -> Str
     noise, std, bandwidth = {}, {}, {}
     for name in MEASURED:
         if name in signals:
-            noise[name] = std[name] = smooth(t, without_jumps(signals[name])).noise
+            noise[name] = std[name] = noise_of(t, without_jumps(signals[name]))
     if {"x", "y", "psi"} <= set(signals):
         captured = captured_motion(
             t, signals["x"], signals["y"], signals["psi"], mapping.measured_point, mapping.bandwidth

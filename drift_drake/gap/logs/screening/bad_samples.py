@@ -1,10 +1,11 @@
 """Bad samples of a channel: spikes, a few rows far from what those on both sides say, and frozen rows."""
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
-from numpy.lib.stride_tricks import sliding_window_view
 
+from drift_drake.car.compilation import compiled
 from drift_drake.car.log.driving import in_spans, spans
 from drift_drake.gap.logs.noise import step, white_noise_level
 
@@ -91,7 +92,7 @@ def filled(values: np.ndarray, bad: Sequence[tuple[int, int]]) -> np.ndarray:
 def _clear_spikes(values: np.ndarray, resolution: float) -> list[tuple[int, int]]:
     """Spikes that stand out with the neighbours as they are, the longest first, none overlapping."""
     taken = np.zeros(len(values), dtype=np.bool_)
-    noise, medians = white_noise_level(values), np.median(sliding_window_view(values, NEIGHBOURS), axis=1)
+    noise, medians = white_noise_level(values), _medians(values)
     found = []
     for width in range(LONGEST, 0, -1):
         outside, half_range = _outside_neighbours(values, medians, width)
@@ -109,7 +110,8 @@ def _clear_spikes(values: np.ndarray, resolution: float) -> list[tuple[int, int]
     return found
 
 
-def _outside_neighbours(values: np.ndarray, medians: np.ndarray, width: int) -> tuple[np.ndarray, np.ndarray]:
+@compiled
+def _outside_neighbours(values: Any, medians: Any, width: int) -> Any:
     """How far each window of `width` rows lies outside of its neighbours' range, and half that range.
 
     Both [n - 2 NEIGHBOURS - width + 1], in the signal's unit, relative to the line through the medians of either side;
@@ -119,18 +121,65 @@ def _outside_neighbours(values: np.ndarray, medians: np.ndarray, width: int) -> 
         medians: of the signal's stretches of NEIGHBOURS rows [n - NEIGHBOURS + 1].
     """
     total = 2 * NEIGHBOURS + width
-    window = sliding_window_view(values, total)
-    left, right = medians[: len(window)], medians[NEIGHBOURS + width :]
-    place = np.arange(total) - 0.5 * (total - 1)
-    rest = window - 0.5 * (left + right)[:, None] - ((right - left) / (NEIGHBOURS + width))[:, None] * place
-    neighbours = np.sort(np.concatenate([rest[:, :NEIGHBOURS], rest[:, NEIGHBOURS + width :]], axis=1), axis=1)
-    middle = 0.5 * (neighbours[:, NEIGHBOURS - 1] + neighbours[:, NEIGHBOURS])
-    lowest_farthest = middle - neighbours[:, 0] > neighbours[:, -1] - middle
-    low = np.where(lowest_farthest, neighbours[:, 1], neighbours[:, 0])
-    high = np.where(lowest_farthest, neighbours[:, -1], neighbours[:, -2])
-    half_range = 0.5 * (high - low)
-    apart = np.abs(rest[:, NEIGHBOURS : NEIGHBOURS + width] - 0.5 * (high + low)[:, None])
-    return np.min(apart, axis=1) - half_range, half_range
+    count = len(values) - total + 1
+    outside, half_range, near = np.empty(count), np.empty(count), np.empty(2 * NEIGHBOURS)
+    for i in range(count):
+        left, right = medians[i], medians[i + NEIGHBOURS + width]
+        middle, slope = 0.5 * (left + right), (right - left) / (NEIGHBOURS + width)
+        lowest, low, high, highest = np.inf, np.inf, -np.inf, -np.inf  # the two least, the two largest
+        for j in range(2 * NEIGHBOURS):
+            at = j if j < NEIGHBOURS else j + width
+            q = near[j] = values[i + at] - middle - slope * (at - 0.5 * (total - 1))
+            low = min(low, max(lowest, q))
+            lowest = min(lowest, q)
+            high = max(high, min(highest, q))
+            highest = max(highest, q)
+        if _lies_low(near, lowest, highest):
+            high = highest
+        else:
+            low = lowest
+        half_range[i] = 0.5 * (high - low)
+        least = np.inf
+        for at in range(NEIGHBOURS, NEIGHBOURS + width):
+            q = values[i + at] - middle - slope * (at - 0.5 * (total - 1))
+            least = min(least, abs(q - 0.5 * (high + low)))
+        outside[i] = least - half_range[i]
+    return outside, half_range
+
+
+@compiled
+def _lies_low(near: Any, lowest: float, highest: float) -> bool:
+    """Whether the lowest of the numbers [2 NEIGHBOURS] is farther from their median than the highest is."""
+    centre, rounding = 0.5 * (lowest + highest), 1e-9 * (highest - lowest)
+    below = above = 0
+    for q in near:
+        below += q < centre - rounding
+        above += q > centre + rounding
+    if max(below, above) > NEIGHBOURS:
+        return bool(above > below)
+    median = _median(near)
+    return bool(median - lowest > highest - median)
+
+
+@compiled
+def _median(near: Any) -> float:
+    """Of an even number of numbers, which are sorted by it."""
+    for j in range(1, len(near)):
+        q, k = near[j], j
+        while k > 0 and near[k - 1] > q:
+            near[k] = near[k - 1]
+            k -= 1
+        near[k] = q
+    return float(0.5 * (near[len(near) // 2 - 1] + near[len(near) // 2]))
+
+
+@compiled
+def _medians(values: Any) -> Any:
+    """Of the signal's stretches of NEIGHBOURS rows [n - NEIGHBOURS + 1]."""
+    found = np.empty(len(values) - NEIGHBOURS + 1)
+    for i in range(len(found)):
+        found[i] = _median(values[i : i + NEIGHBOURS].copy())
+    return found
 
 
 def frozen(values: np.ndarray, v: np.ndarray, resolution: float, period: float = 0.01) -> list[tuple[int, int]]:

@@ -28,6 +28,7 @@ ALIKE = 0.9  # share of a column's texts that are times
 TRIED = 50  # texts
 LONGEST = 80  # characters of a time
 WHOLE, PART = r"(.*?[._/ ]?)secs?", r"n(ano)?secs?"  # of names of whole seconds, and of their nanoseconds
+MISSING = 39.0  # of the 40 s (or min) that packed digits jump by
 THINNED = 101  # rows, of which one shows soon that a clock counts on beyond the sixtieth second
 
 
@@ -131,9 +132,11 @@ def packed_unit(numbers: Array) -> str | None:
         if np.max(seen) >= 240000.0 * scale or np.any(seen[::THINNED] / scale % 100.0 >= 60.0):
             continue
         raw = np.diff(seen) / scale
+        if not np.any((raw > MISSING) | (raw < -2e5)):
+            continue
         with np.errstate(invalid="ignore"):
             steps = np.diff(packed_seconds(seen, unit))
-        jumps = np.isfinite(steps) & (steps >= 0.0) & ((raw - steps > 39.0) | (raw < -2e5))
+        jumps = np.isfinite(steps) & (steps >= 0.0) & ((raw - steps > MISSING) | (raw < -2e5))
         usual = float(np.median(np.abs(raw)))
         if np.all(np.isfinite(steps)) and np.any(jumps & (steps < 10.0 * usual + 1e-6)) and usual < 20.0:
             return unit

@@ -253,17 +253,17 @@ def test_further_languages_and_the_german_road_wheel(quantity, name):
     assert quantity != "delta_cmd" or not is_handwheel(name)
 
 
-def test_gz_is_a_yaw_rate_beside_az_and_nothing_alone():
+def test_gz_is_a_yaw_rate_next_to_az_and_nothing_alone():
     r = np.radians(10.0) * np.sin(np.arange(0.0, 40.0, 0.01))
     v = np.full(4000, 12.0)
     columns = {"t": np.arange(0.0, 40.0, 0.01), "gz": np.degrees(r), "speed [m/s]": v, "steer": r * 2.5 / v}
     alone = guessed_mapping([Topic("", pd.DataFrame(columns))])
     assert alone.missing == ["r"]
-    beside = guessed_mapping(
+    together = guessed_mapping(
         [Topic("", pd.DataFrame({**columns, "ax": 0.0 * r, "ay": v * r / 9.81, "az": 0.0 * r + 1}))]
     )
-    assert beside.mapping["signals"]["r"] == {"column": "gz", "unit": "deg/s"}
-    assert [beside.mapping["signals"][name]["unit"] for name in ("ax", "ay")] == ["g", "g"]
+    assert together.mapping["signals"]["r"] == {"column": "gz", "unit": "deg/s"}
+    assert [together.mapping["signals"][name]["unit"] for name in ("ax", "ay")] == ["g", "g"]
 
 
 def test_a_unit_of_a_yaw_rate_with_two_meanings_is_asked():

@@ -110,7 +110,7 @@ def concepts(name: str) -> tuple[set[str], int, int]:
 
 
 def as_gyro(name: str, others: Iterable[str]) -> str:
-    """`gz` beside `az` is a gyroscope's axis, which other names tell; alone it may be an acceleration in g."""
+    """`gz` next to `az` is a gyroscope's axis, which other names tell; alone it may be an acceleration in g."""
     found = GYRO_AXIS.fullmatch(name)
     if found is None:
         return name

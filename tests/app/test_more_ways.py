@@ -93,7 +93,7 @@ def test_gentle_driving_offers_only_what_contradicts_the_mapping():
     compared = pytest.importorskip("drift_drake.app.pages.compared", reason="needs the extra `app`")
     mapping = {"signals": {"delta_cmd": {"scale": 1.0 / 15.0}}, "measured_point": [0.4, 0.0]}
     gentle = Estimates(Bounds(0.95, 0.98, 1.02), Bounds(0.2, 0.3, 0.4), Bounds(-0.1, 0.05, 0.1))
-    ratio, ahead, left = compared.told(mapping, gentle)
+    ratio, ahead, left = compared.from_gentle_driving(mapping, gentle)
     assert (ratio.low, ratio.used, ratio.agrees) == (pytest.approx(14.25), pytest.approx(15.0), True)
     assert (ahead.low, ahead.used, ahead.agrees) == (pytest.approx(0.6), 0.4, False)
     assert (left.used, left.agrees) == (0.0, True)

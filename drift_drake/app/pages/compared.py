@@ -48,7 +48,7 @@ def comparison(
         Chart(panels, "Columns against what others say of them")
 
 
-class Told(NamedTuple):
+class FromGentleDriving(NamedTuple):
     """What gentle driving tells of a number of the mapping: its interval, what is in use, and what takes it over."""
 
     what: str
@@ -64,7 +64,7 @@ class Told(NamedTuple):
         return self.low <= self.used <= self.high
 
 
-def told(mapping: dict[str, Any], gentle: Any) -> list[Told]:
+def from_gentle_driving(mapping: dict[str, Any], gentle: Any) -> list[FromGentleDriving]:
     """Of the steering ratio and of where the speed is measured; gentle: `screening.overlays.Estimates`."""
     found = []
     line = (mapping.get("signals") or {}).get("delta_cmd")
@@ -72,19 +72,21 @@ def told(mapping: dict[str, Any], gentle: Any) -> list[Told]:
     if gentle.steering is not None and isinstance(scale, int | float) and scale:
         ends = gentle.steering.low, gentle.steering.middle, gentle.steering.high
         low, middle, high = sorted(q / scale for q in ends)
-        found.append(Told("steering ratio", "", low, middle, high, 1.0 / scale, partial(_take_ratio, middle)))
+        found.append(
+            FromGentleDriving("steering ratio", "", low, middle, high, 1.0 / scale, partial(_take_ratio, middle))
+        )
     point = [float(q) for q in mapping.get("measured_point") or (0.0, 0.0)]
     for axis, (side, one) in enumerate((("ahead", gentle.ahead), ("to the left", gentle.left))):
         if one is not None:
             low, middle, high = (q + point[axis] for q in (one.low, one.middle, one.high))
             what, take = f"speed is measured {side} by", partial(_take_point, axis, middle)
-            found.append(Told(what, " m", low, middle, high, point[axis], take))
+            found.append(FromGentleDriving(what, " m", low, middle, high, point[axis], take))
     return found
 
 
 def _estimated(edit: Edit, mapping: dict[str, Any], gentle: Any) -> None:
     """What gentle driving tells, to be taken over where it contradicts what is in use."""
-    for one in told(mapping, gentle):
+    for one in from_gentle_driving(mapping, gentle):
         span = f"{significant(one.low, 3)} to {significant(one.high, 3)}{one.unit}"
         says = f"{one.what}, from gentle driving: {significant(one.middle, 3)}{one.unit} ({span})"
         if one.agrees:

@@ -49,7 +49,7 @@ WORDS = {  # of a unit of the table, or of a factor in products: further spellin
     "us": "usec microsec microsecond microseconds mus",
     "ns": "nsec nanosec nanosecond nanoseconds",
     "min": "mins minute minutes minuten",
-    "h": "ч hr hrs hour hours std stunde stunden heure heures",
+    "h": "ч год hr hrs hour hours std stunde stunden heure heures",
     "day": "days d tag tage jour jours",
     "m": "м meter meters metre metres",
     "mm": "millimeter millimeters millimetre millimetres",
@@ -67,7 +67,8 @@ WORDS = {  # of a unit of the table, or of a factor in products: further spellin
     "rev": "revs revolution revolutions turn turns umdrehung umdrehungen tour tours tr u",
     "m/s": "mps ms-1 meterpersecond meterspersecond m/sec",
     "km/h": (
-        "kmh kph kmph kmhr km/hr kmh-1 km/t km/u km/時 km/sa км/ч kilometersperhour kilometresperhour kilometerperhour"
+        "kmh kph kmph kmhr km/hr kmh-1 km/t km/u km/時 km/sa км/ч км/год "
+        "kilometersperhour kilometresperhour kilometerperhour"
     ),
     "mph": "mi/h mi/hr miles/h miles/hr milesperhour mileperhour",
     "kn": "kt kts knot knots knoten noeud noeuds nmi/h",
@@ -98,7 +99,24 @@ OTHERS = (  # of other dimensions, in lower case
     "bit bits byte bytes raw count counts cnt # bool boolean enum state sats lap laps gear index id "
     "kpa/s l/h kg/h g/s mg/s n/m n/mm j kj nmi t ut gauss ohm ° c ° f deg c deg f l/min"
 )  # fmt: skip
-UNSTATED = ("", "?", "n/a", "na", "nan", "none", "null", "unknown", "unit", "units", "no unit", "--", "[]", "()")
+UNSTATED = (
+    "",
+    "?",
+    "n/a",
+    "na",
+    "nan",
+    "none",
+    "null",
+    "unknown",
+    "unit",
+    "units",
+    "no unit",
+    "--",
+    "[]",
+    "()",
+    "wgs84",
+    "wgs 84",
+)
 FACTORS = {"m": (1, 0, 0, 0), "s": (0, 1, 0, 0), "rad": (0, 0, 1, 0), "N": (0, 0, 0, 1)}  # SI, as exponents
 POWERS = {"length": FACTORS["m"], "time": FACTORS["s"], "angle": FACTORS["rad"], "force": FACTORS["N"],
           "speed": (1, -1, 0, 0), "angular rate": (0, -1, 1, 0), "acceleration": (1, -2, 0, 0),

@@ -33,7 +33,7 @@ MEANT = {
     "delta_cmd": "steering_angle|SteerAng|Steered Angle|road_wheel [rad]|delta|delta_f|steering"
     "|Steering Wheel Angle|SWA"
     "|ángulo del volante|angolo del volante [°]|Lenkradwinkel|Lenkwinkel|angle volant|Angle de braquage"
-    "|Kąt obrotu kierownicy [°]|Úhel natočení volantu [°]|Direksiyon aç\u0131s\u0131|Угол поворота руля"
+    "|Kąt obrotu kierownicy [°]|Úhel natočení volantu [°]|Direksiyon aç\u0131s\u0131|Угол поворота руля|Ratvinkel [°]"
     "|StW_Angl|StrgWhlAngl|Angle Steering Wheel [deg]"
     "|steering_angle_cmd|LWI_Lenkradwinkel|steering_tire_angle|StrWhlAng|Steering Pos"
     "|操舵角|ハンドル角|舵角[度]|方向盘转角|前轮转角|조향각|스티어링 휠 각도"
@@ -244,7 +244,10 @@ def test_times_of_commands_are_named_and_not_taken():
         ("r", "Stáčivá rychlost [°/s]"), ("r", "Legyezési szögsebesség [°/s]"), ("r", "Sapma h\u0131z\u0131 [°/s]"),
         ("r", "Угловая скорость рыскания [°/сек]"), ("r", "kääntymisnopeus [°/s]"), ("v", "Скорость [км/ч]"),
         ("ay", "Oldalgyorsulás [m/s²]"), ("ay", "Поперечное ускорение [м/сек²]"), ("ay", "Yanal ivme (m/s²)"),
-        ("delta_cmd", "Kormányszög [°]"), ("time", "Idő [s]"), ("time", "Время [сек]"),
+        ("delta_cmd", "Kormányszög [°]"), ("r", "Girhastighed [°/s]"),
+        ("ay", "Sideacceleration [m/s²]"), ("v", "Швидкість (км/год)"), ("v", "locationSpeed(m/s)"),
+        ("longitude", "Länge [°]"), ("latitude", "locationLatitude(WGS84)"), ("time", "X_Value"),
+        ("time", "Idő [s]"), ("time", "Время [сек]"),
     ],
 )  # fmt: skip
 def test_further_languages_and_the_german_road_wheel(quantity, name):
@@ -264,6 +267,14 @@ def test_gz_is_a_yaw_rate_next_to_az_and_nothing_alone():
     )
     assert together.mapping["signals"]["r"] == {"column": "gz", "unit": "deg/s"}
     assert [together.mapping["signals"][name]["unit"] for name in ("ax", "ay")] == ["g", "g"]
+
+
+def test_a_clock_may_be_called_by_its_unit():
+    t = np.arange(0.0, 40.0, 0.01)
+    columns = {"speed [m/s]": 12.0 + np.sin(t), "yaw_rate": np.cos(t), "steer": np.cos(t) / 5.0, "s": 12.0 * t + 1e-3}
+    assert guessed_mapping([Topic("", pd.DataFrame(columns))]).mapping["clocks"] == {"recorder": {"column": "?"}}
+    guess = guessed_mapping([Topic("", pd.DataFrame({"us": 1e6 * t + 5.0, **columns}))])
+    assert guess.mapping["clocks"] == {"recorder": {"column": "us", "unit": "us"}}
 
 
 def test_a_unit_of_a_yaw_rate_with_two_meanings_is_asked():

@@ -293,6 +293,7 @@ REFUSED = {
     "run.vbb": (b"\0\1", r"VBOX .vbb, .*\.vbo"),
     "run.nmea": (b"$GPRMC,101010.00,A,4830.0,N,00906.0,E,20,10,010124,,\r\n", r"NMEA"),
     "run.gpx": (b"<?xml version='1.0'?>\n<gpx version='1.1'></gpx>", r"GPX"),
+    "run.jsonl": (b'{"t": 0.0, "speed": 3.0}\n', r"JSON.*read_json"),
     "run.pkl": (b"\x80\x04\x95", r"pickle"),
     "run.npy": (b"\x93NUMPY\x01\x00", r"array without names"),
     "car.dbc": (b'VERSION ""\n', r"database of CAN messages"),

@@ -70,8 +70,17 @@ def clock_of(topic: Topic) -> str | None:
 
 
 def _is_in_time(topic: Topic, column: str) -> bool:
-    _, stated = stated_unit(own_name(topic, column), topic.units.get(column, ""), "time")
-    return stated is not None and stated.sure and unit_of(stated.text, ("time",)) is not None
+    name = own_name(topic, column)
+    _, stated = stated_unit(name, topic.units.get(column, ""), "time")
+    if stated is None:
+        return _unit_as_name(name) is not None
+    return stated.sure and unit_of(stated.text, ("time",)) is not None
+
+
+def _unit_as_name(name: str) -> str | None:
+    """The unit of time that a column is called, `us` or `ms`; a single letter is a path or a height as well."""
+    unit = unit_of(name, ("time",)) if len(name) > 1 else None
+    return None if unit is None else unit.name
 
 
 def _always_advances(topic: Topic, column: str) -> bool:
@@ -155,6 +164,8 @@ def time_unit(topic: Topic, column: str) -> str:
         if re.fullmatch(r"h+\W?m+\W?s+\W?[s\d0f#]*", stated.text.lower()):
             return next((unit for unit in PACKED if np.isfinite(packed_seconds(numbers, unit)).any()), "?")
         return "?"
+    if named := _unit_as_name(own_name(topic, column)):
+        return named
     seen = numbers[np.isfinite(numbers)]
     steps = np.diff(seen)
     if not np.any(steps > 0.0):

@@ -45,7 +45,7 @@ RULES = {
         "hand axle angular speed revs wheel rear r",
     ),
     "ax": Rule(("acc x", "acc long", "gee long"), "linear gee x long"),
-    "ay": Rule(("acc y", "acc lat", "gee lat"), "linear gee y lat"),
+    "ay": Rule(("acc y", "acc lat", "gee lat", "acc side"), "linear gee y lat"),
     "az": Rule(("acc z",), "linear gee"),
     "delta_cmd": Rule(
         ("road wheel", "delta", "steer angle", "front wheel angle", "steer", "handwheel angle", "handwheel"),

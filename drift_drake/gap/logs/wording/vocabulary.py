@@ -12,34 +12,35 @@ from drift_drake.gap.logs.wording.eastern import in_english
 CONCEPTS = {
     "yaw": (
         "yaw yawing gier gieren gir lacet imbardata guinada odchylenia odchylania staceni "
-        "staciva stacania stacava legyezesi sapma giratie рыскания рыскание zakretanja skretanja kaantymis "
+        "staciva stacania stacava legyezesi sapma giratie рыскания рыскание zakretanja skretanja kaantymis рискання "
         "kiertymis"
     ),
     "turn": "roll rolling wank wanken roulis rollio pitch pitching nick nicken tangage beccheggio",  # not about z
     "rate": "rate rates rt taux taxa dot punkt point deriv",
     "gyro": "gyro gyros gyr gyroscope gyroskop gyroscop kreisel drehrate drehraten rotation",
     "angular": (
-        "angular angulaire rotational angvel winkelgeschwindigkeit katowa uhlova uhlovou угловая угловои obrotowa"
+        "angular angulaire rotational angvel winkelgeschwindigkeit katowa uhlova uhlovou угловая угловои кутова "
+        "obrotowa"
     ),
     "linear": "linear",
     "speed": (
         "speed speeds spd velocity velocities vel velo geschwindigkeit geschw vitesse vit velocidad "
         "velocidade velocita hastighet snelheid predkosc rychlost sog "
-        "sebesseg hiz hizi nopeus viteza brzina hitrost скорость rychlosti predkosci"
+        "sebesseg hiz hizi nopeus viteza brzina hitrost hastighed скорость швидкість rychlosti predkosci"
     ),
     "steer": (
         "eps steer steering steered str strg lenk lenkung lenken braquage sterzo sterzata styr stuur direccion direcao "
         "skretu natoceni "
-        "kormany ohjaus obrotu поворота natocenia zatoceni strg ste upravljaca krmila"
+        "kormany ohjaus obrotu поворота повороту natocenia zatoceni strg ste upravljaca krmila"
     ),
     "handwheel": (
         "handwheel swa sas lenkrad volant volante volantu ratt stuurwiel timon kierownicy kierownica "
-        "kormanykerek direksiyon ratti ratin руля рулевого руль volana stw ohjauspyoran"
+        "kormanykerek direksiyon ratti ratin руля рулевого руль керма rattutslag volana stw ohjauspyoran"
     ),
     "road": "road roadwheel strasse",
     "angle": (
         "angle ang angles winkel wkl angulo angolo vinkel hoek kat uhel "
-        "angl an szog aci acisi kulma unghi угол uhol kut kot"
+        "angl an szog aci acisi kulma unghi угол кут uhol kut kot"
     ),
     "wheel": "wheel wheels whl whls колеса rad raeder rader roue roues ruota ruote rueda pneu",
     "axle": "axle achse essieu asse",
@@ -47,22 +48,22 @@ CONCEPTS = {
     "acc": (
         "acc accel accels accl acceleration accelerations accelerometer beschleunigung beschl aceleracion "
         "aceleracao accelerazione acceleratie versnelling przyspieszenie zrychleni gforce gforces "
-        "gyorsulas ivme ivmesi kiihtyvyys ускорение ubrzanje pospesek zrychlenie"
+        "gyorsulas ivme ivmesi kiihtyvyys akselerasjon прискорення ускорение ubrzanje pospesek zrychlenie"
     ),
     "gee": "g",
     "lat": (
         "lat lateral laterale quer seitlich transversal transversale trasversale sido dwars poprzeczne pricne "
-        "oldal keresztiranyu yanal sivuttais поперечное боковое priecne bocno precni laterala"
+        "oldal keresztiranyu yanal sivuttais поперечное боковое бічне priecne bocno precni laterala"
     ),
     "long": (
         "wzdluzne podelne long lon longitudinal longitudinale langs laengs inline forward fwd vorwaerts "
-        "hosszanti hosszirany hossziranyu boyuna pitkittais продольное podelna pozdlzne longitudinala uzduzno"
+        "hosszanti hosszirany hossziranyu boyuna pitkittais продольное поздовжнє podelna pozdlzne longitudinala uzduzno"
     ),
     "x": "x",
     "y": "y",
     "z": "z vertical vertikal verticale hoch down",
     "latitude": "latitude breite breitengrad",
-    "longitude": "longitude lng laenge laengengrad",
+    "longitude": "longitude lng laenge lange laengengrad",
     "course": "course cog kurs bearing",
     "heading": "heading hdg cap psi steuerkurs rumbo azimuth azimut",
     "orientation": "orientation quat quaternion attitude euler rpy ypr lage",
@@ -80,14 +81,14 @@ CONCEPTS = {
     "front": "front f fl fr lf rf vl vr vorn vorne vorder vorderachse avant av avg avd anteriore",
     "earth": "north east northing easting nord sud ned enu",
     "hand": "left right links rechts gauche droite",
-    "pos": "pos position positions location pose",
+    "pos": "pos position positions pose",
     "v": "v",
     "r": "r",
     "time": (
         "time times zeit temps tiempo tempo timestamp timestamps stamp stempel zeitstempel horodatage tow itow uhrzeit "
         "uhr utc gmt epoch unixtime tijd tid czas cas seconds secs sec millis "
         "milliseconds micros microseconds sekunden secondes segundos secondi "
-        "ido zaman aika timp время vrijeme vreme"
+        "ido zaman aika timp время час vrijeme vreme"
     ),
     "t": "t ts",
     "date": "date datum datetime",
@@ -101,7 +102,8 @@ CONCEPTS = {
         "messwert ist actual act est estimated estimate filtered filt raw corr corrected calc calculated kf ekf fused "
         "state states drive unix data msg msgs message header twist stamped value val signal sig channel ch vicon "
         "mocap optitrack vbox racebox racelogic aim motec cog cg com mpu vesc fix pvt local global map world base "
-        "link frame elapsed log since start uptime boot system sys ros recording recorder session of and the in at by "
+        "location motion link frame elapsed "
+        " log since start uptime boot system sys ros recording recorder session of and the in at by "
         "for de do du la le au del della dell di al der die das von vom rec xyz "
         "true mean smoothed smooth lowpass lp current topic can1 can2 bus "
         "actl comp esti "
@@ -149,6 +151,7 @@ PAIRS = {  # words that say two things
     "airspeed": "other", "laptime": "other", "runtime": "other", "swangle": "handwheel angle",
     "swrate": "handwheel rate", "strang": "steer angle", "winkelgeschwindigkeit": "angular speed",
     "angvel": "angular speed", "szogsebesseg": "angular speed", "stwhl": "handwheel",
+    "ratvinkel": "handwheel angle", "xvalue": "time",
     "uptime": "time source", "hinterrad": "rear wheel", "vorderrad": "front wheel",
 }  # fmt: skip
 WORDS = {word: (concept,) for concept, words in CONCEPTS.items() for word in words.split()} | {

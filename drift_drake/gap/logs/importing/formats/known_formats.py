@@ -53,6 +53,8 @@ REFUSED = (
     Refused("a Python pickle, which may run code when it is read", "write it as CSV or .npz", (".pkl", ".pickle"),
             rb"\x80[\x02-\x05][\x95}\]K(c]"),
     Refused(".npy, an array without names", NAMED, (".npy",), rb"\x93NUMPY"),
+    Refused("JSON", "write its readings as CSV: pandas.read_json(FILE, lines=True).to_csv(NEW)",
+            (".json", ".jsonl", ".ndjson"), rb'\s*[\[{]\s*[\[{"]'),
     Refused("Feather", PANDAS, (".feather",)),
     Refused("Arrow or Feather", PANDAS, (), rb"ARROW1|FEA1"),
     Refused("an SQLite database", "export its table as CSV", (), rb"SQLite format 3\0"),

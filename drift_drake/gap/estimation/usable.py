@@ -267,7 +267,7 @@ def admit(runs: Sequence[Run], car: CarParameters) -> Admitted:
     clean, found = screened(runs)
     columns = [{name: one.run.column(name) for name in COLUMNS} for one in clean]
     # Commands that come late are for the hypotheses.
-    late = [one.doubt for one in late_columns(columns, [one.run.period for one in clean]) if one.shift]
+    late = [doubt for doubt in late_columns(columns, [one.run.period for one in clean]) if doubt.shift is not None]
     doubts = [*suspicions_of(clean, vehicle), *late]
     kept, left_out = usable_parts(runs, clean, vehicle, not isinstance(car, SimulatorCar))
     return Admitted(kept, doubts, [*(doubt.sentence for doubt in doubts), *repeated, *found, *left_out])

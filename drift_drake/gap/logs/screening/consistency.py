@@ -87,7 +87,7 @@ def consistency(
         return Consistency(doubts, (), right, windows_of(right, periods), complete=False)
     late = [] if bad & {"r"} else late_columns(right, periods)
     right = [on_one_clock(columns, period, late) for columns, period in zip(right, periods, strict=True)]
-    commands, moved = ([one.doubt for one in late if bool(one.shift) is of_motion] for of_motion in (False, True))
+    commands, moved = ([doubt for doubt in late if (doubt.shift is None) is so] for so in (True, False))
     doubts += moved
     kinds, car = _kinds(vehicle, length)
     if bad & {"r", "delta_cmd"}:

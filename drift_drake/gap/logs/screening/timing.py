@@ -45,17 +45,11 @@ class Apart(NamedTuple):
         return self.time - SURE * self.std > high or self.time + SURE * self.std < low
 
 
-class Late(NamedTuple):
-    """Columns on another clock than the others; shift: to add to that clock [s]; none where it is that of the commands,
-    which a car's actuators delay too."""
+def late_columns(runs: Sequence[Columns], periods: Sequence[float]) -> list[Suspicion]:
+    """Columns that come earlier or later than the others; runs: columns [rows], which have at least `r` and `v`.
 
-    columns: list[str]
-    shift: float
-    doubt: Suspicion
-
-
-def late_columns(runs: Sequence[Columns], periods: Sequence[float]) -> list[Late]:
-    """Columns that come earlier or later than the others; runs: columns [rows], which have at least `r` and `v`."""
+    Of commands alone, which a car's actuators delay too, no shift is given.
+    """
     longest = sorted(range(len(runs)), key=lambda i: -len(np.asarray(runs[i]["r"])))[:MOST]
     found = {}
     for name, witness in WITNESSES.items():
@@ -65,14 +59,14 @@ def late_columns(runs: Sequence[Columns], periods: Sequence[float]) -> list[Late
     return [_late(found, names, at) for names, at in _groups(found)]
 
 
-def on_one_clock(columns: Columns, period: float, late: Sequence[Late]) -> dict[str, Array]:
+def on_one_clock(columns: Columns, period: float, late: Sequence[Suspicion]) -> dict[str, Array]:
     """The columns [rows] with those that are late moved to the others' clock; the commands stay."""
     out = {name: np.asarray(values, dtype=float) for name, values in columns.items() if values is not None}
     for one in late:
-        for name in one.columns if one.shift else ():
+        for name in one.columns:
             values = continuous(out[name]) if name in ("psi", "beta") else out[name]
             t = np.arange(len(values)) * period
-            out[name] = np.interp(t, t + one.shift, values)
+            out[name] = np.interp(t, t + (one.shift or 0.0), values)
     return out
 
 
@@ -98,14 +92,14 @@ def _groups(found: dict[str, Apart]) -> list[tuple[list[str], Apart]]:
     return out
 
 
-def _late(found: dict[str, Apart], names: list[str], at: Apart) -> Late:
+def _late(found: dict[str, Apart], names: list[str], at: Apart) -> Suspicion:
     """Of a group that is apart from r by one time."""
     by = f"{abs(at.time):.2g} s (+- {max(at.std, 1e-3):.1g} s)"
     if names == ["delta_cmd"]:
         lead = f"commands lead the motion by {by}" if at.time > 0.0 else f"the motion leads its commands by {by}"
         sentence = f"{lead}: clocks not aligned?"
         fix = " Give the commands a clock of their own in the mapping, with its offset or 'align'"
-        return Late(names, 0.0, Suspicion(sentence + fix, None, None, sentence))
+        return Suspicion(sentence + fix, None, None, sentence)
     agree = ["r", *(name for name in found if not found[name].beyond(*USUAL[name]))]
     wrong, other = (names, agree) if len(names) <= len(agree) else (agree, names)
     late = (at.time > 0.0) == (wrong is agree)
@@ -118,7 +112,7 @@ def _late(found: dict[str, Apart], names: list[str], at: Apart) -> Late:
             ", and no other column tells which of them is off: give that one a clock of its own in the mapping, with "
             "its offset"
         )
-    return Late(wrong, shift, Suspicion(says + fix, wrong[0], None, says))
+    return Suspicion(says + fix, wrong[0], None, says, columns=tuple(wrong), shift=shift)
 
 
 def _listed(names: Sequence[str]) -> str:

@@ -47,7 +47,7 @@ def late(run: Run, name: str, seconds: float) -> Run:
 
 def said(*runs: Run) -> list[str]:
     columns = [{name: run.column(name) for name in ("r", "v", "beta", "psi", "delta_cmd")} for run in runs]
-    return [late.doubt.sentence for late in late_columns(columns, [run.period for run in runs])]
+    return [doubt.sentence for doubt in late_columns(columns, [run.period for run in runs])]
 
 
 @pytest.mark.parametrize("speed", [4.0, 7.0, 14.0, 25.0])
@@ -82,7 +82,7 @@ def test_two_columns_that_disagree_leave_open_which_is_late():
     run = late(driven(14.0), "r", 0.4).without("beta")
     columns = {name: run.column(name) for name in ("r", "v", "psi")}
     (found,) = late_columns([columns], [PERIOD])
-    assert re.match(r"psi comes 0\.(39|4) s .* earlier than r, and no other column tells", found.doubt.sentence)
+    assert re.match(r"psi comes 0\.(39|4) s .* earlier than r, and no other column tells", found.sentence)
 
 
 def test_a_doubtful_acceleration_hides_no_clock():

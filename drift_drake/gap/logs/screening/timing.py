@@ -31,6 +31,7 @@ SAME = 0.1  # [s] by which columns of one group may be apart
 # [s] by which r may come later than a column, on a car whose clocks agree: the car answers its steering.
 USUAL = {"psi": (-0.1, 0.1), "delta_cmd": (-0.05, 0.25), "beta": (-0.15, 0.15)}
 EXPLAINED = 0.5  # of the squared errors without a time, that are left at most
+# SLIDES, GENTLE and EXPLAINED were set on two real cars and one simulated day (validation).
 STEPS = np.arange(-SEARCH, SEARCH + 0.01, 0.05)  # [s] at which a lateral speed is tried
 
 
@@ -60,7 +61,7 @@ def late_columns(runs: Sequence[Columns], periods: Sequence[float]) -> list[Susp
 
 
 def on_one_clock(columns: Columns, period: float, late: Sequence[Suspicion]) -> dict[str, Array]:
-    """The columns [rows] with those that are late moved to the others' clock; the commands stay."""
+    """The columns [rows] with those that are late moved to the others' clock."""
     out = {name: np.asarray(values, dtype=float) for name, values in columns.items() if values is not None}
     for one in late:
         for name in one.columns:

@@ -19,12 +19,13 @@ from drift_drake.car.log.driving import (
     spans,
     turned_back,
 )
-from drift_drake.car.log.table import OPTIONAL, SHORTEST_RUN, InvalidLogError, Run
+from drift_drake.car.log.table import COLUMNS, OPTIONAL, SHORTEST_RUN, InvalidLogError, Run
 from drift_drake.car.parameters import CarParameters, VehicleParameters
 from drift_drake.gap.estimation.windows import SETTLING, stride_of
 from drift_drake.gap.logs.screening.repeated import without_repeated
 from drift_drake.gap.logs.screening.screened import Screened, screened
 from drift_drake.gap.logs.screening.suspicions import Suspicion, suspicions_of
+from drift_drake.gap.logs.screening.timing import late_columns
 
 GOLDEN = (np.sqrt(5.0) - 1.0) / 2.0
 AHEAD = 6.5  # strides that a part needs for one window
@@ -264,6 +265,9 @@ def admit(runs: Sequence[Run], car: CarParameters) -> Admitted:
     vehicle = car.single_track()
     runs, repeated = without_repeated(runs)
     clean, found = screened(runs)
-    doubts = suspicions_of(clean, vehicle)
+    columns = [{name: one.run.column(name) for name in COLUMNS} for one in clean]
+    # Commands that come late are for the hypotheses.
+    late = [doubt for doubt in late_columns(columns, [one.run.period for one in clean]) if doubt.shift is not None]
+    doubts = [*suspicions_of(clean, vehicle), *late]
     kept, left_out = usable_parts(runs, clean, vehicle, not isinstance(car, SimulatorCar))
     return Admitted(kept, doubts, [*(doubt.sentence for doubt in doubts), *repeated, *found, *left_out])

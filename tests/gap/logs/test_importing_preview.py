@@ -66,6 +66,18 @@ def test_one_click_puts_a_mistake_right(recording, wrong, label):
     assert preview(*recording, data).remarks == []
 
 
+@pytest.mark.parametrize("name", ["r", "psi"])
+def test_one_click_puts_a_late_column_on_the_others_clock(recording, name):
+    data = mapped(**{name: {"clock": "late"}})
+    data["clocks"]["late"] = {"column": "t", "offset": 0.4}
+    (remark,) = preview(*recording, data).remarks
+    assert remark.sentence.startswith(f"{name} comes 0.")
+    (fix,) = remark.fixes
+    assert fix.mapping["signals"][name]["clock"] == f"late_{name}"
+    assert fix.mapping["clocks"][f"late_{name}"]["offset"] == pytest.approx(0.0, abs=0.03)
+    assert preview(*recording, fix.mapping).remarks == []
+
+
 def test_a_fix_leaves_the_mapping_that_it_is_of_as_it_was(recording):
     data = mapped(ay={"unit": "g"})
     before = copy.deepcopy(data)

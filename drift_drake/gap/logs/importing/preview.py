@@ -23,6 +23,7 @@ from drift_drake.gap.logs.wording.conversion import dimensions_of, units_of
 NEAR = math.log(1.03)  # of a factor to that of a unit
 CHECKED_BY = {"v": ("v", "vx", "vy"), "y": ("x", "y")}  # lines of a mapping that a column of the log is made of
 NEEDED = ("r", "v", "delta_cmd")
+TIMED = {"beta": ("beta", "vy")}  # signals that a column's time is that of
 EXCHANGED = {**SWAPPED, "v": ("v", "omega_r")}  # by the column that a doubt names
 
 
@@ -49,6 +50,8 @@ def fixes(doubt: Suspicion, mapping: Mapping[str, Any]) -> list[Fix]:
         ]
     if "swapped" in doubt.sentence and column in EXCHANGED:
         return _exchanged(mapping, *EXCHANGED[column])
+    if doubt.shift is not None:
+        return _on_own_clock(mapping, doubt.columns, doubt.shift)
     lines = _lines(column, mapping)
     if doubt.offset is not None:
         return _each(lines, mapping, f"add {doubt.offset:.3g} to {column}", _moved(doubt.offset))
@@ -59,6 +62,20 @@ def fixes(doubt: Suspicion, mapping: Mapping[str, Any]) -> list[Fix]:
             lines, mapping, f"turn the sign of {column}", lambda line: {**line, "sign": -line.get("sign", 1.0)}
         )
     return [*_units(lines, column, doubt, mapping), *_scaled(lines, column, doubt.factor, mapping)][:2]
+
+
+def _on_own_clock(mapping: Mapping[str, Any], columns: Sequence[str], shift: float) -> list[Fix]:
+    """A clock for the signals that columns are read from: the one that they have, and so much added to it [s]."""
+    changed = _copied(mapping)
+    lines = [name for column in columns for name in TIMED.get(column, (column,)) if name in changed["signals"]]
+    first = next(iter(changed["clocks"]))
+    for name in lines:
+        clock = changed["signals"][name].get("clock") or first
+        old = changed["clocks"][clock]
+        new = f"{clock}_{columns[0]}"
+        changed["clocks"][new] = {**old, "offset": _rounded((old.get("offset") or 0.0) + shift)}
+        changed["signals"][name]["clock"] = new
+    return [Fix(f"add {shift:.2g} s to the times of {' and '.join(columns)}", changed)] if lines else []
 
 
 def _copied(mapping: Mapping[str, Any]) -> dict[str, Any]:

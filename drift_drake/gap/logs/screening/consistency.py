@@ -26,8 +26,9 @@ from drift_drake.gap.logs.screening.misnamed import (
 )
 from drift_drake.gap.logs.screening.redundancy import agreements, arm_doubts, bias_doubts, scale_doubts, undecided_arm
 from drift_drake.gap.logs.screening.relations import KINDS, Kind, Relation, Windows, relations, windows_of
-from drift_drake.gap.logs.screening.steering import held_doubts, ratio_doubts, reach_doubts, timing_doubts
+from drift_drake.gap.logs.screening.steering import held_doubts, ratio_doubts, reach_doubts
 from drift_drake.gap.logs.screening.suspicions import Suspicion, contradictions
+from drift_drake.gap.logs.screening.timing import late_columns, on_one_clock
 from drift_drake.gap.logs.screening.unit_mistakes import mistakes
 
 ASKED = ("r", "psi", "v", "beta", "omega_r", "ax", "ay", "delta_cmd")  # columns that others could check
@@ -84,6 +85,10 @@ def consistency(
                 columns.pop(str(name))
     if bad & {"v"}:
         return Consistency(doubts, (), right, windows_of(right, periods), complete=False)
+    late = [] if bad & {"r"} else late_columns(right, periods)
+    right = [on_one_clock(columns, period, late) for columns, period in zip(right, periods, strict=True)]
+    commands, moved = ([doubt for doubt in late if (doubt.shift is None) is so] for so in (True, False))
+    doubts += moved
     kinds, car = _kinds(vehicle, length)
     if bad & {"r", "delta_cmd"}:
         kinds = {name: kind for name, kind in kinds.items() if not set(kind.powers) & bad}
@@ -99,8 +104,8 @@ def consistency(
     periods = [_period(period, wrong) for period in periods]
     doubts += wrong
     m = motion_of_columns(right, periods)
-    without = [column for column in {*bad, *(doubt.column for doubt in wrong)} if column is not None]
-    doubts += _fine(right, periods, m, vehicle, length, without)
+    without = [column for column in {*bad, *(doubt.column for doubt in (*wrong, *moved))} if column is not None]
+    doubts += _fine(right, periods, m, vehicle, length, without, commands)
     constant = set_speed(right, m)
     doubts += [Suspicion(constant, "v", None, constant)] if constant else []
     steer = next((at.size for at in held if at.name == "steer"), 1.0)
@@ -152,9 +157,12 @@ def _period(period: float, doubts: Sequence[Suspicion]) -> float:
 
 def _fine(
     runs: Sequence[Columns], periods: Sequence[float], m: Kinematics, vehicle: VehicleParameters | None,
-    length: float | None, without: Sequence[str],
+    length: float | None, without: Sequence[str], late: Sequence[Suspicion],
 ) -> list[Suspicion]:  # fmt: skip
-    """What is asked once units and signs are right: scales, biases, points of measurement, commands."""
+    """What is asked once units and signs are right: scales, biases, points of measurement, commands.
+
+    late: of commands on another clock, which any other mistake could explain.
+    """
     if not len(m.r):
         return []
     scales = scale_doubts(m, without)
@@ -167,7 +175,7 @@ def _fine(
     if "delta_cmd" not in without:
         doubts += reach_doubts(runs, vehicle)
     if not doubts and not without:
-        doubts += timing_doubts(runs, periods)
+        doubts += late
     return doubts + held_doubts(runs, periods)
 
 

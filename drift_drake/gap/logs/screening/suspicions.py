@@ -37,7 +37,7 @@ class Suspicion:
 
     column: its name, `t` for the clock, None for whole runs; factor: that it is too large by, -1 where it is mirrored,
     None where there is none; evidence: the ratios that say so; offset: to add to it [SI]; point: where the speed is
-    measured, [m] ahead and to the left.
+    measured, [m] ahead and to the left; columns, shift: that are on another clock, and the time to add to it [s].
     """
 
     sentence: str
@@ -46,6 +46,8 @@ class Suspicion:
     evidence: str
     offset: float | None = None
     point: tuple[float, float] | None = None
+    columns: tuple[str, ...] = ()
+    shift: float | None = None
 
 
 def suspicions(runs: Sequence[Run], vehicle: VehicleParameters) -> list[Suspicion]:

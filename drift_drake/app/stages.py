@@ -12,7 +12,7 @@ from drift_drake.car.log.table import IMPORT_REPORT
 
 DAY = re.compile(r"[^\W_][\w .-]{0,39}")  # what a day may be called: it is a folder's name
 STATES = {
-    "none": "not run yet", "running": "running", "done": "done", "stale": "what it rests on has changed: run it again",
+    "none": "not run yet", "running": "running", "done": "done", "stale": "out of date, run it again",
     "refused": "refused", "cancelled": "cancelled",
 }  # fmt: skip
 
@@ -132,7 +132,7 @@ def calibrate(project: Project, data: dict[str, Any]) -> Stage:
     def refused() -> str | None:
         now = project.read()
         open_ = [day for day in days if not passed(project, day, now)]
-        return f"check first whether {', '.join(open_)} can be calibrated on" if open_ else None
+        return f"check first whether {', '.join(open_) or 'a day'} can be calibrated on" if open_ or not days else None
 
     inputs = [path for day in days for path in _logs(project, day)] + [first_guess(data)]
     return Stage(project, "calibrate", "the calibration", words, inputs,

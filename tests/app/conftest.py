@@ -12,6 +12,21 @@ import pytest
 WAIT = 90.0  # [s]
 
 
+FLAWS = """() => {
+  const root = document.documentElement, found = root.lang ? [] : ["no lang"];
+  if (root.scrollWidth > innerWidth) found.push(`${root.scrollWidth - innerWidth} px too wide`);
+  for (const e of document.querySelectorAll("button, a[href], input, select, textarea, summary, iframe, [tabindex]"))
+    if (e.tabIndex >= 0 && !e.closest("[inert]") &&
+        !(e.getAttribute("aria-label") || e.title || e.textContent.trim() || e.labels?.length))
+      found.push(`nameless: ${e.outerHTML.slice(0, 100)}`);
+  for (const e of document.querySelectorAll("main *, header *"))
+    if (!e.children.length && e.getClientRects().length && e.getBoundingClientRect().right > innerWidth + 1 &&
+        !e.closest(".wide, svg, .js-plotly-plot, .skip"))
+      found.push(`sticks out: ${e.outerHTML.slice(0, 100)}`);
+  return found;
+}"""
+
+
 class Workbench:
     """`drift-drake app` in a process of its own."""
 
@@ -61,9 +76,9 @@ class Window:
         self.page.get_by_role("navigation").get_by_role("link", name=f"{step}:").click()
         self.page.get_by_role("heading", name=step, level=1).wait_for()
 
-    def too_wide(self) -> int:
-        """Pixels that the page sticks out by."""
-        return self.page.evaluate("document.documentElement.scrollWidth - innerWidth")
+    def flaws(self) -> list[str]:
+        """What does not fit the window, and what a keyboard reaches and a screen reader cannot name."""
+        return self.page.evaluate(FLAWS)
 
 
 @pytest.fixture

@@ -72,6 +72,9 @@ def test_from_a_dropped_file_to_a_corrected_simulator(window, tmp_path, monkeypa
         one.go("Apply")
         page.get_by_role("button", name="Apply tuesday").click()
         page.locator(".diff .plus", has_text="steering_lag").wait_for()
+        with page.expect_download() as saved:
+            page.get_by_role("link", name="Save corrected/tuesday.yaml").click()
+        saved.value.save_as(tmp_path / "saved.yaml")
     finally:
         workbench.close()
     _, effects = read_vehicle(folder / "corrected" / "tuesday.yaml")
@@ -86,6 +89,7 @@ def test_from_a_dropped_file_to_a_corrected_simulator(window, tmp_path, monkeypa
     assert json.dumps(answers[0]) == json.dumps(answers[1])
     assert main(["apply", "answers/tuesday.json", "--vehicle", "calibrated.yaml", "--out", str(fixed)]) == 0
     assert fixed.read_bytes() == Path("corrected/tuesday.yaml").read_bytes()
+    assert fixed.read_bytes() == (tmp_path / "saved.yaml").read_bytes()
 
 
 def columns(one):

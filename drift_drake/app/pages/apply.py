@@ -6,7 +6,7 @@ from typing import Any
 from drift_drake.app import stages
 from drift_drake.app.jobs import Jobs
 from drift_drake.app.pages.diagnose import answer_of
-from drift_drake.app.pages.parts import box, frame_of, run_button, saying, section, text
+from drift_drake.app.pages.parts import address, box, comes_first, frame_of, run_button, saying, section, text
 from drift_drake.app.project import Project
 from drift_drake.app.recordings import Recordings
 
@@ -15,13 +15,14 @@ def apply_page(project: Project, _readings: Recordings, jobs: Jobs, data: dict[s
     """The page's content."""
     days = [day for day in project.days(data) if answer_of(project, day) is not None]
     if not days:
-        text("p", "Diagnose a day first (Diagnose).", "warning")
+        comes_first("Diagnose a day first", "Diagnose")
     for day in days:
         answer = answer_of(project, day)
         stage = stages.apply(project, day, data)
         with section(f"Corrected by {day}"):
             run_button(stage, jobs, data, f"Apply {day}")
             if (project.folder / stage.outputs[0]).exists():
+                text("a", f"Save {stage.outputs[0]}", href=address(stage.outputs[0]), download=f"{day}.yaml")
                 _difference(project, stages.believed(data)[0], stage.outputs[0])
                 text("h3", "Replay")
                 names = project.names(day)
@@ -38,9 +39,10 @@ def apply_page(project: Project, _readings: Recordings, jobs: Jobs, data: dict[s
                 plan = stages.plan_next(project, day, data)
                 run_button(plan, jobs, data, f"Plan after {day}")
                 saying(plan, data, "What the drive is expected to bring")
-    with section("For other tools"):
-        for day in project.days(data):
-            if project.runs(day):
+    imported = [day for day in project.days(data) if project.runs(day)]
+    if imported:
+        with section("For other tools"):
+            for day in imported:
                 run_button(stages.export(project, day), jobs, data, f"Export {day} for Foxglove")
 
 

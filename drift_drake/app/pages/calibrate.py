@@ -7,7 +7,19 @@ from drift_drake.app import stages
 from drift_drake.app.jobs import Jobs
 from drift_drake.app.looks import predicted
 from drift_drake.app.pages.figures import Chart
-from drift_drake.app.pages.parts import box, button, choice, frame_of, or_why, run_button, saying, section, table, text
+from drift_drake.app.pages.parts import (
+    box,
+    button,
+    choice,
+    frame_of,
+    next_step,
+    or_why,
+    run_button,
+    saying,
+    section,
+    table,
+    text,
+)
 from drift_drake.app.pages.validation import validation_part
 from drift_drake.app.project import CALIBRATED, CALIBRATION, CALIBRATION_REPORT, Project
 from drift_drake.app.recordings import Recordings
@@ -51,7 +63,7 @@ def calibrate_page(project: Project, _readings: Recordings, jobs: Jobs, data: di
                            label=f"Show {path}")  # fmt: skip
     with section("Report"):
         frame_of(CALIBRATION_REPORT, "Report of the calibration")
-    text("p", "Next: Diagnose.", "note")
+    next_step("Diagnose")
 
 
 def _estimates(project: Project) -> None:

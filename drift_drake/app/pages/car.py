@@ -9,7 +9,7 @@ from nicegui import ui
 
 from drift_drake.app import stages
 from drift_drake.app.jobs import Jobs
-from drift_drake.app.pages.parts import box, button, choice, field, number, section, text
+from drift_drake.app.pages.parts import box, button, choice, field, next_step, number, section, text
 from drift_drake.app.project import CALIBRATED, CAR, FILE, Project
 from drift_drake.app.recordings import Recordings
 from drift_drake.car.effects.magnitudes import magnitudes_of
@@ -29,7 +29,7 @@ def car_page(project: Project, _readings: Recordings, _jobs: Jobs, data: dict[st
         choice("First guess", files, stages.first_guess(data), partial(project.set_option, "vehicle"))
         text("p", "A vehicle file, or a simulator.yaml of your own simulator, is taken as it is.", "note")
     if stages.first_guess(data) != CAR:
-        text("p", "Next: Check.", "note")
+        next_step("Check")
         return
     path = project.folder / CAR
     if not path.exists():
@@ -49,7 +49,7 @@ def car_page(project: Project, _readings: Recordings, _jobs: Jobs, data: dict[st
             button(
                 name[0].upper() + name[1:], partial(write_vehicle, path, other), label=f"Take the {name} in its place"
             )
-    text("p", "Next: Check.", "note")
+    next_step("Check")
 
 
 def _form(path: Path, vehicle: VehicleParameters, effects: Any) -> None:

@@ -12,7 +12,20 @@ from drift_drake.app.jobs import Jobs
 from drift_drake.app.looks import driven, limits
 from drift_drake.app.pages.figures import drawn
 from drift_drake.app.pages.logs import set_of_day
-from drift_drake.app.pages.parts import box, button, field, later, number, or_why, run_button, saying, section, text
+from drift_drake.app.pages.parts import (
+    box,
+    button,
+    comes_first,
+    field,
+    later,
+    next_step,
+    number,
+    or_why,
+    run_button,
+    saying,
+    section,
+    text,
+)
 from drift_drake.app.project import Project
 from drift_drake.app.recordings import Recordings
 from drift_drake.view.pages.templates import part
@@ -23,7 +36,7 @@ def check_page(project: Project, _readings: Recordings, jobs: Jobs, data: dict[s
     with_dragging()
     days = [day for day in project.days(data) if project.runs(day)]
     if not days:
-        text("p", "Import a day first (Columns).", "warning")
+        comes_first("Import a day first", "Columns")
         return
     chosen = [day for day in stages.baseline(project, data) if day in days]
     for day in chosen:
@@ -34,12 +47,36 @@ def check_page(project: Project, _readings: Recordings, jobs: Jobs, data: dict[s
                 _verdict(project, day, data)
             saying(stage, data, "What the check says")
     for day in days:
-        with section(f"{day}: what is used"):
-            place = box("div")
-            with place:
-                text("p", "is being drawn ...", "note")
-        later(partial(_drawn, project, day, data, place))
-    text("p", "Next: Calibrate.", "note")
+        if day in chosen:
+            with section(f"{day}: what is used"):
+                later(partial(_drawn, project, day, data, _place()))
+    for day in days:
+        if day not in chosen:
+            _folded(project, day, data)
+    next_step("Calibrate")
+
+
+def _place() -> Any:
+    place = box("div")
+    with place:
+        text("p", "is being drawn ...", "note")
+    return place
+
+
+def _folded(project: Project, day: str, data: dict[str, Any]) -> None:
+    """A day that nothing is calibrated on: drawn once it is opened."""
+    with box("details", "part") as details:
+        text("summary", f"{day}: what is used")
+        place = _place()
+    shown = False
+
+    async def opened() -> None:
+        nonlocal shown
+        if not shown:
+            shown = True
+            await _drawn(project, day, data, place)
+
+    details.on("toggle", lambda _: opened(), js_handler="(e) => e.target.open && emit()")
 
 
 def _verdict(project: Project, day: str, data: dict[str, Any]) -> None:

@@ -19,8 +19,10 @@ from drift_drake.app.pages.parts import (
     box,
     button,
     choice,
+    comes_first,
     field,
     later,
+    next_step,
     number,
     or_why,
     quietly,
@@ -45,7 +47,7 @@ MEANINGS = {
 }  # fmt: skip
 NEEDED = ("r", "v", "delta_cmd")
 FRAMES = {
-    "": "as the file's",
+    "": "the file's",
     "iso8855": "left is positive",
     "ned": "right is positive (ned)",
     "sae": "right is positive (sae)",
@@ -60,7 +62,7 @@ def columns_page(project: Project, readings: Recordings, jobs: Jobs, data: dict[
     days = {name: day for day, several in project.days(data).items() for name in several}
     names = list(days)
     if not names:
-        text("p", "Give a recording a day first (Logs). Folders of runs are in the log format already.", "warning")
+        comes_first("Give a recording a day first (folders of runs are in the log format already)", "Logs")
         return
     if project.mapping() is None:
         _first(project, readings, names[0])
@@ -80,7 +82,7 @@ def columns_page(project: Project, readings: Recordings, jobs: Jobs, data: dict[
         view.imports = box("div")
     view.draw_imports()
     later(view.draw)
-    text("p", "Next: Car.", "note")
+    next_step("Car")
 
 
 class _View:

@@ -36,6 +36,8 @@ def comparison(
             _offered(edit, before, remark)
     if not found.refused and not found.remarks and found.pieces:
         text("p", "Signs and units: nothing looks wrong.", "verdict")
+    if panels:
+        Chart(panels, "Columns against what others say of them")
     if found.unchecked:
         text("p", f"No other column can check {', '.join(found.unchecked)}.", "note")
     for clause in found.undecided:
@@ -44,8 +46,6 @@ def comparison(
     for one in compared:
         said = f"correlation {one.likeness:.3f}, gain {significant(one.gain, 3)}"
         text("p", f"{one.column} against {one.against}: {said}", "note")
-    if panels:
-        Chart(panels, "Columns against what others say of them")
 
 
 class FromGentleDriving(NamedTuple):

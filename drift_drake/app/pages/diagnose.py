@@ -7,7 +7,7 @@ from typing import Any
 from drift_drake.app import stages
 from drift_drake.app.jobs import Jobs
 from drift_drake.app.pages.figures import drawn
-from drift_drake.app.pages.parts import box, frame_of, run_button, section, table, text, tick
+from drift_drake.app.pages.parts import box, comes_first, frame_of, next_step, run_button, section, table, text, tick
 from drift_drake.app.project import CALIBRATED, Project
 from drift_drake.app.recordings import Recordings
 from drift_drake.car.effects.catalogue import CATALOGUE
@@ -16,6 +16,7 @@ from drift_drake.gap.diagnosis.answers.answer import Answer, read_answer
 from drift_drake.view.colours import REFERENCE, RUNS
 from drift_drake.view.pages.charts import Figure, finished
 
+LABEL = 14  # characters of a day's name under the trend
 HEAD = ("day", "verdict", "what", "size (95 %)", "probability", "errors removed", "state")
 
 
@@ -23,7 +24,7 @@ def diagnose_page(project: Project, _readings: Recordings, jobs: Jobs, data: dic
     """The page's content."""
     days = [day for day in project.days(data) if project.runs(day)]
     if not days:
-        text("p", "Import a day first (Columns).", "warning")
+        comes_first("Import a day first", "Columns")
         return
     with section("All days"):
         answers = {day: answer for day in days if (answer := answer_of(project, day)) is not None}
@@ -56,7 +57,7 @@ def diagnose_page(project: Project, _readings: Recordings, jobs: Jobs, data: dic
                     frame_of(stage.outputs[1], f"Report of {day}")
                 if len(answers) == 1:
                     details.props["open"] = True
-    text("p", "Next: Apply.", "note")
+    next_step("Apply")
 
 
 def answer_of(project: Project, day: str) -> Answer | None:
@@ -71,6 +72,7 @@ def answer_of(project: Project, day: str) -> Answer | None:
 def trend(name: str, answers: Mapping[str, Answer]) -> Figure:
     """An effect's magnitude by day with its 95 % interval; where it was not named, up to what would have been."""
     data: list[Figure] = []
+    days = list(answers)
     for day, answer in answers.items():
         found, limit = answer.magnitudes.get(name), answer.details.get("detection", {}).get(name, {}).get("least")
         if found is None and not isinstance(limit, float):
@@ -86,10 +88,14 @@ def trend(name: str, answers: Mapping[str, Answer]) -> Figure:
         })  # fmt: skip
     unit = CATALOGUE[name].unit
     layout = {
-        "xaxis": {"type": "category"},
+        "xaxis": {"type": "category", "automargin": True, "tickvals": days, "ticktext": [_short(day) for day in days]},
         "yaxis": {"title": {"text": f"{name}{'' if unit == '-' else f' [{unit}]'}"}},
     }
     return finished({"data": data, "layout": layout}, 170, "closest")
+
+
+def _short(day: str) -> str:
+    return day if len(day) <= LABEL else f"{day[: LABEL - 1]}\N{HORIZONTAL ELLIPSIS}"
 
 
 def _row(day: str, answer: Answer, state: str) -> list[str]:

@@ -61,7 +61,7 @@ def page(project: Project, jobs: Jobs, step: Step, draw: Callable[[dict[str, Any
         SEEN[client] = stamp(project, jobs), way.refresh
         try:
             data = project.read()
-            with box("main", id="main"):
+            with box("div", id="main"):
                 text("h1", step.name)
                 text("p", step.about, "note")
                 draw(data)

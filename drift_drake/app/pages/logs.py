@@ -12,7 +12,7 @@ from nicegui.element import Element
 from drift_drake.app import stages
 from drift_drake.app.jobs import Jobs
 from drift_drake.app.pages.figures import Chart, thumbnail
-from drift_drake.app.pages.parts import box, field, later, quietly, section, text, tick
+from drift_drake.app.pages.parts import box, field, later, next_step, quietly, section, text, tick
 from drift_drake.app.project import Project
 from drift_drake.app.recordings import Recordings, Summary
 from drift_drake.common.errors import DriftDrakeError
@@ -55,7 +55,7 @@ def logs_page(project: Project, readings: Recordings, _jobs: Jobs, data: dict[st
             with box("article", "part", aria_label="new day") as card:
                 _takes(project, card, new)
                 text("p", f"Drop a recording here for {new}.", "note")
-    text("p", "Next: Columns.", "note")
+    next_step("Columns")
 
 
 def _recording(project: Project, readings: Recordings, name: str, data: dict[str, Any]) -> None:

@@ -149,6 +149,19 @@ def run_button(stage: Stage, jobs: Jobs, data: Mapping[str, Any], words: str) ->
             text("pre", said)
 
 
+def next_step(name: str) -> None:
+    """The way on."""
+    with box("p", "next"):
+        text("a", f"Next: {name}", href=f"/{name.lower()}")
+
+
+def comes_first(words: str, name: str) -> None:
+    """What has to be done before, and the way there."""
+    with box("p", "warning"):
+        text("span", f"{words}: ")
+        text("a", name, href=f"/{name.lower().removeprefix('logs')}")
+
+
 def saying(stage: Stage, data: Mapping[str, Any], label: str) -> None:
     """What a command printed; of one that was refused, its button says it."""
     if stage.state(data) in ("done", "stale") and (said := stage.said(data)):
@@ -157,9 +170,14 @@ def saying(stage: Stage, data: Mapping[str, Any], label: str) -> None:
             text("pre", said)
 
 
+def address(path: str) -> str:
+    """Of a file of the folder."""
+    return f"/files/{quote(path)}"
+
+
 def frame_of(path: str, title: str) -> None:
     """A page that a command wrote, in a frame; it runs in an origin of its own."""
-    where = f"/files/{quote(path)}"
+    where = address(path)
     box("iframe", "page", src=where, title=title, loading="lazy", sandbox="allow-scripts allow-downloads")
     with box("p", "note"):
         link = text("a", f"{path} in a window of its own")

@@ -304,3 +304,13 @@ def test_an_angle_that_cannot_be_radians_is_guessed_in_degrees(tmp_path):
 def test_a_column_without_a_number_is_looked_at(tmp_path):
     (tmp_path / "lap.csv").write_text("time,speed,steering_angle\n0.0,10.0,\n0.1,10.0,\n")
     assert "steering_angle" in mapping_text(look(tmp_path / "lap.csv"))
+
+
+@pytest.mark.parametrize("last", ["7", "7.5", "", "text", "True"])
+def test_a_large_table_is_read_in_pieces_as_at_once(tmp_path, monkeypatch, last):
+    path = tmp_path / "log.csv"
+    path.write_text("t,a,b,b\n" + "".join(f"{0.01 * k!r},{k},{k / 7!r},1\n" for k in range(95)) + f"1,{last},2,\n")
+    whole = read_topics(path)[0].table
+    monkeypatch.setattr("drift_drake.gap.logs.importing.formats.text_tables.LARGE", 0)
+    monkeypatch.setattr("drift_drake.gap.logs.importing.formats.text_tables.PIECE", 10)
+    pd.testing.assert_frame_equal(read_topics(path)[0].table, whole)

@@ -97,6 +97,7 @@ def import_recordings(
         found, clocks[label], sentences = pieces_of(Path(path), label, recording, mapping, start, end)
         pieces += found
         remarks += [f"{label}: {sentence}" for sentence in sentences]
+        del recording  # of a long one, memory
     ahead = [piece for piece in pieces if not piece.reverses]
     doubts, wrong = doubts_of([(piece.label, piece.columns) for piece in ahead], PERIOD, mapping)
     for piece in ahead:
@@ -173,7 +174,8 @@ def pieces_of(
         ways = [(a, b) for a, b in (*spans(~backwards), *(spans(backwards) if "beta" in columns else ()))]
         for a, b in sorted(way for way in ways if way[1] - way[0] >= SHORTEST_RUN):
             taken = {"t": t[a:b]} | {k: values[a:b] for k, values in columns.items()}
-            parts.append((stretch, taken, bool(backwards[a])))
+            bare = dataclasses.replace(stretch, t=stretch.t[:0].copy(), columns={})  # in the rows from here on
+            parts.append((bare, taken, bool(backwards[a])))
     if all(reverses for _, _, reverses in parts):
         raise InvalidRecordingError(f"{path}: holds no {SHORTEST_RUN} rows of driving forwards; leave it out")
     names = [label if len(parts) == 1 else f"{label}_{number}" for number in range(len(parts))]

@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 from pandas.api.types import is_numeric_dtype
 
+from drift_drake.common.arrays import Array
 from drift_drake.common.bounds import PACKINGS, STREAMS, packing
 from drift_drake.gap.logs.importing.formats.layout import BLANKS, DECIMAL_COMMA, HEAD, WINDOWS, Layout, layout_of
 from drift_drake.gap.logs.importing.formats.long_tables import as_wide
@@ -24,6 +25,7 @@ OF_FRAMES = (
 BLANK = ["-", "--", "---", "n.a.", "n.v.", "k.A.", "SNA", "INVALID", "Invalid", "invalid", "*", "?", "nil", "No Data",
          "NoData", "#VALUE!", "#DIV/0!", "#REF!", "#NUM!", "[]"]  # fmt: skip
 """What stands where no reading is, besides what pandas knows."""
+LARGE, PIECE = 1 << 25, 50_000  # bytes of a file; rows that are read at once
 FEW = 0.5  # share of a column's texts that are numbers with a comma, from which all are read so
 
 
@@ -48,9 +50,27 @@ def read_csv(path: Path) -> list[Topic]:
 def _read_plain(path: Path, packed: str | None, encoding: str) -> Topic:
     """A table as pandas takes it by itself."""
     read: Any = partial(pd.read_csv, path, compression=packed, encoding=encoding)
-    table = read(low_memory=False, na_values=BLANK)
+    table = _table(path, compression=packed, encoding=encoding, na_values=BLANK)
     header = read(header=None, nrows=1, dtype=str, keep_default_na=False).iloc[0]
     return topic_of_table(table, [str(name).strip() for name in header])
+
+
+def _table(path: Path, **options: Any) -> pd.DataFrame:
+    """What pandas reads; a large table of numbers alone in pieces, which takes half the memory."""
+    if path.stat().st_size > LARGE and (columns := _numbers(path, options)) is not None:
+        return pd.DataFrame(columns, copy=False)
+    return pd.read_csv(path, low_memory=False, **options)
+
+
+def _numbers(path: Path, options: dict[str, Any]) -> dict[Any, Array] | None:
+    """The columns of a table in which all are whole or other numbers throughout."""
+    pieces = []
+    with pd.read_csv(path, chunksize=PIECE, low_memory=False, **options) as read:
+        for piece in read:
+            if not all(kind.kind in "if" for kind in piece.dtypes):
+                return None
+            pieces.append(piece)
+    return {name: np.concatenate([piece[name].to_numpy() for piece in pieces]) for name in pieces[0]}
 
 
 def topic_of_table(table: pd.DataFrame, names: Sequence[str], units: Sequence[str] = (), first_line: int = 2) -> Topic:
@@ -75,14 +95,14 @@ def _read(path: Path, layout: Layout, packed: str | None) -> Topic:
     width = len(layout.names)
     options: dict[str, Any] = {
         "sep": layout.separator, "encoding": layout.encoding, "header": None, "names": range(width), "index_col": False,
-        "skiprows": layout.start, "comment": layout.comment, "skipinitialspace": True, "low_memory": False,
+        "skiprows": layout.start, "comment": layout.comment, "skipinitialspace": True,
         "na_values": BLANK, "compression": packed,
     }  # fmt: skip
     if layout.separator == BLANKS:
         options.pop("skipinitialspace")
-    table = pd.read_csv(path, decimal=layout.decimal, thousands=layout.thousands, **options)
+    table = _table(path, decimal=layout.decimal, thousands=layout.thousands, **options)
     if layout.decimal == "." and layout.separator != "," and any(_has_commas(table[k]) for k in table):
-        table = pd.read_csv(path, decimal=",", **options)  # the first lines held whole numbers alone
+        table = _table(path, decimal=",", **options)  # the first lines held whole numbers alone
     empty = [k for k, name in enumerate(layout.names) if not name and table[k].isna().all()]
     table = table.drop(columns=empty)
     kept = [k for k in range(width) if k not in empty]

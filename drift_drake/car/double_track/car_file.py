@@ -53,6 +53,8 @@ def check_settling(car: DoubleTrackParameters, source: str) -> None:
         "load_time": 1.0 / c.load_time,
         "wheel_inertia": stiffness * c.wheel_radius**2 / (c.wheel_inertia * slowest_driven(c)),
     }
+    yielding = c.steering_compliance * car.front_stiffness  # by which the wheel turns back as its tyre builds force up
+    rates["steering_compliance"] = FAST / c.front_tire.lateral_relaxation * yielding
     for tire in TIRES:
         for way in ("lateral_relaxation", "longitudinal_relaxation"):
             rates[f"{tire}.{way}"] = FAST / getattr(getattr(c, tire), way)

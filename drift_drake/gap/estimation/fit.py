@@ -128,7 +128,8 @@ def cost_of(problem: Problem, filtered: Filtered, theta: np.ndarray) -> float:
     """Negative log posterior, up to constants, of parameters whose filter gave these innovations."""
     e = flat(problem, filtered.innovations)
     prior = prior_precision(problem, len(theta))
-    return 0.5 * float(e @ e) + 0.5 * filtered.logdet + 0.5 * float(prior @ theta**2)
+    with np.errstate(over="ignore"):  # of parameters with which a car is lost: as bad as can be
+        return 0.5 * float(e @ e) + 0.5 * filtered.logdet + 0.5 * float(prior @ theta**2)
 
 
 def sensitivity(problem: Problem, gains: Gains, theta: np.ndarray, names: Sequence[str]) -> Derivatives:

@@ -100,6 +100,7 @@ def test_a_tolerance_that_is_none_names_the_file(tmp_path: Path) -> None:
         ({"load_time": 1e-9}, "load_time"),
         ({"wheel_inertia": 1e-4}, "wheel_inertia"),
         ({"roll_inertia": 1e-4}, "roll_damping"),
+        ({"steering_compliance": 0.5}, "steering_compliance"),
         ({"rear_tire": {"lateral_relaxation": 1e-9}}, "rear_tire.lateral_relaxation"),
     ],
 )

@@ -122,6 +122,19 @@ def test_a_defect_gets_its_sentence_and_no_other(name, noise):
     assert re.search(sentence, found[0]), found[0]
 
 
+def test_commands_of_another_clock_are_said_next_to_another_doubt():
+    found = column_doubts(delayed(-0.3)(scaled("ay", 1.6)(rows())), 0.01, WHEELBASE)
+    assert len(found) == 2, found
+    assert found[0].startswith("column ay reads 6")
+    assert "commands lead the motion by 0.3" in found[1]
+
+
+def test_a_biased_yaw_rate_without_a_heading_is_named_next_to_gravity():
+    change = without(lambda c: c | {"r": c["r"] - 0.07}, *ONLY_MOTION, "beta")
+    (found,) = column_doubts(change(rows()), 0.01, WHEELBASE)
+    assert re.search(r"column ay reads \+.* or does r read -0.0[67]\d* rad/s in a straight line\?", found), found
+
+
 def test_without_a_wheelbase_steering_is_held_against_any_cars():
     found = column_doubts(scaled("delta_cmd", DEGREES)(rows()), 0.01)
     assert [text[:40] for text in found] == ["column delta_cmd looks like degrees, or "]

@@ -269,6 +269,12 @@ def test_gz_is_a_yaw_rate_next_to_az_and_nothing_alone():
     assert [together.mapping["signals"][name]["unit"] for name in ("ax", "ay")] == ["g", "g"]
 
 
+def test_names_without_a_word_are_nothing():
+    t = np.arange(0.0, 4.0, 0.01)
+    columns = {"time": t, "speed": 12.0 + np.sin(t), "yaw_rate": np.cos(t), "[m]": t, "--": t, "_": t}
+    assert set(guessed_mapping([Topic("", pd.DataFrame(columns))]).mapping["signals"]) == {"r", "v"}
+
+
 def test_a_clock_may_be_called_by_its_unit():
     t = np.arange(0.0, 40.0, 0.01)
     columns = {"speed [m/s]": 12.0 + np.sin(t), "yaw_rate": np.cos(t), "steer": np.cos(t) / 5.0, "s": 12.0 * t + 1e-3}

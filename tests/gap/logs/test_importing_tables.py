@@ -19,7 +19,7 @@ from drift_drake.gap.logs.importing.formats.files import InvalidRecordingError, 
 from drift_drake.gap.logs.importing.importer import import_recordings
 from drift_drake.gap.logs.importing.look import look, mapping_text
 from drift_drake.gap.logs.importing.mapping import InvalidMappingError, mapping_from_dict, read_mapping
-from drift_drake.gap.logs.importing.recording import read_recording
+from drift_drake.gap.logs.importing.recording import contradicted, read_recording
 
 UNITS = {
     "r": ("rad/s", "deg/s", "°/s", "DEG/S", "deg s-1", "mrad/s", "Grad/s"),
@@ -177,6 +177,13 @@ def test_a_mapping_that_contradicts_the_file_is_doubted(tmp_path):
     assert remarks == [
         "the file states 'km/h' for column 'speed [km/h]', and signals.v.unit is 'mph': see which is right."
     ]
+
+
+def test_the_g_of_a_name_may_be_the_centre_of_gravity(tmp_path):
+    (tmp_path / "drive.csv").write_text(table(columns(NAMES["english"], ("rad/s", "m/s", "m/s^2", "rad"))))
+    topic = read_topics(tmp_path / "drive.csv")[0]
+    assert contradicted(topic, "axG", "m/s^2", "signals.ax.unit") == []
+    assert contradicted(topic, "ax_g", "m/s^2", "signals.ax.unit") != []
 
 
 HEADERS = {

@@ -177,9 +177,11 @@ def _accelerometer(columns: Mapping[str, Array], w: Windows, doubted: set[str | 
         read = getattr(w, name)
         rest = float(np.mean(read - motion)) if len(motion) else 0.0
         if not {name, "r", "v"} & doubted and abs(rest) > TILT:
+            turns = name == "ay" and not {"psi", "x"} & set(columns)  # nothing else has seen the yaw rate's bias
+            either = f", or does r read {-rest / np.mean(w.v):+.2g} rad/s in a straight line?" if turns else "?"
             sentences.append(
                 f"column {name} reads {rest:+.2g} m/s^2 besides the change of velocity: "
-                "gravity on a tilted sensor or a slope, or a bias?"
+                f"gravity on a tilted sensor or a slope, or a bias{either}"
             )
     rest = float(np.median(columns.get("az", 0.0)))
     if abs(abs(rest) - 1.0) < 0.3:

@@ -55,6 +55,8 @@ def _axis(topic: Topic, column: str) -> tuple[str, str] | None:
     """Whether a column is a velocity's or a position's part to the north or east (`vel_n`, `VelEast`, `easting`)."""
     name = bracketed(own_name(topic, column))[0]
     words = ("v", name[1:].lower()) if name.lower() in ("vn", "ve") else pieces(name)
+    if not words:  # a name of signs alone
+        return None
     way = AXES.get(words[-1]) or next((AXES[word] for word in words if len(word) > 1 and word in AXES), None)
     said = concepts(" ".join(words))[0] - COMMON - {"earth", "linear", "x", "y"}
     of = {frozenset({"speed"}): "velocity", frozenset({"v"}): "velocity", frozenset({"pos"}): "position"}

@@ -2,6 +2,7 @@
 
 import dataclasses
 import difflib
+import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -202,6 +203,8 @@ def contradicted(topic: Topic, column: str, unit: str, key: str) -> list[str]:
     if stated is None or (same is not None and np.isclose(same.factor, factor(unit, (kind,)), rtol=1e-3)):
         return []
     if same is None and not (stated.sure and unit_of(stated.text)):
+        return []
+    if not stated.sure and re.search(r"[a-z][A-Z]$", column):  # the G of `axG` may be the centre of gravity
         return []
     return [f"the file states '{stated.text}' for column '{column}', and {key} is '{unit}': see which is right."]
 

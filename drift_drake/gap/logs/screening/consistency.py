@@ -33,6 +33,7 @@ from drift_drake.gap.logs.screening.unit_mistakes import mistakes
 
 ASKED = ("r", "psi", "v", "beta", "omega_r", "ax", "ay", "delta_cmd")  # columns that others could check
 SCALED = ("r", "v")  # whose scale other columns tell to a few per cent, if a log is long enough
+TIMED = {"t", "r", "v", "delta_cmd"}  # columns that tell when the car follows its commands
 FACTOR = 2.0  # that a scale is off by where relations of short logs leave it open
 SWAPPED = {"ax": ("ax", "ay"), "r": ("r", "psi")}  # by the column that a doubt names
 
@@ -161,7 +162,7 @@ def _fine(
 ) -> list[Suspicion]:  # fmt: skip
     """What is asked once units and signs are right: scales, biases, points of measurement, commands.
 
-    late: of commands on another clock, which any other mistake could explain.
+    late: of commands on another clock, which a mistake of a column in `TIMED` could explain.
     """
     if not len(m.r):
         return []
@@ -174,7 +175,7 @@ def _fine(
         doubts += ratio_doubts(m, length)
     if "delta_cmd" not in without:
         doubts += reach_doubts(runs, vehicle)
-    if not doubts and not without:
+    if not TIMED & {*bad, *(doubt.column for doubt in doubts)}:
         doubts += late
     return doubts + held_doubts(runs, periods)
 

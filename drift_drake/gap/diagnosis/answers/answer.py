@@ -109,11 +109,13 @@ class Answer:
         return f"{more_too} It may be {may_be} instead: {plan}{tells_apart(leading, others)}"
 
     def _shown_from(self, name: str) -> str:
-        """From which magnitude on these logs would have shown an effect."""
-        limit = self.details.get("detection", {}).get(name, {}).get("least")
-        if self.verdict != "none" or limit is None:
+        """From which magnitude on these logs would have shown an effect, or that none would have been."""
+        limit = self.details.get("detection", {}).get(name)
+        if self.verdict != "none" or limit is None or (limit["least"] is None and limit["taken_for"] != "none"):
             return ""
-        return f", which these logs would show from {significant(limit, 2)}{CATALOGUE[name].suffix} on"
+        if limit["least"] is None:
+            return ", which these logs cannot show"
+        return f", which these logs would show from {significant(limit['least'], 2)}{CATALOGUE[name].suffix} on"
 
     def _no_gap(self) -> str:
         """Beyond what there is no gap."""

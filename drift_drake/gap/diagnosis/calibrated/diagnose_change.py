@@ -36,6 +36,7 @@ from drift_drake.gap.diagnosis.calibrated.posterior import (
     interval,
     not_excluded,
     tells_from_zero,
+    unless_hidden,
 )
 from drift_drake.gap.estimation.effort import affordable, counted, remarks
 from drift_drake.gap.estimation.noise_levels import changed
@@ -98,11 +99,10 @@ def diagnose_change(
     began = time.perf_counter()
     tell = progress or (lambda _stage, _share: None)
     constants = constants or PRIORS
-    given = runs
-    runs, doubts, warnings = admit(runs, vehicle)
-    names, more = seen_effects(runs, [name for name in normal.names if name in catalogue])
+    used, doubts, warnings = admit(runs, vehicle)
+    names, more = seen_effects(used, [name for name in normal.names if name in catalogue])
     tell("errors and their derivatives", 0.0)
-    search = search_of(runs, vehicle, normal, own, names, case, workers)
+    search = search_of(used, vehicle, normal, own, names, case, workers)
     noise = changed(normal.noise, search.day.runs)
     how = constants, false_alarms, noise.log_evidence
     with counted(tell, vehicle.constants()) as shown:
@@ -115,6 +115,7 @@ def diagnose_change(
     (none, others, found, shrinks), whole, said = judged_rest(search, Decided(none, others, found, shrinks), how, tell)
     tell("detection limits", 0.9)
     limits = detection_limits(search, search.curves)
+    found, shrinks = unless_hidden(found, shrinks, limits, none)
     h, named = found.leading, found.verdict == "effect"
     left = left_over_of(search, found, whole, none)
     warnings += [*said, *(unseen_sentence(name, q) for name, q in h.additional.items() if named)]
@@ -137,7 +138,7 @@ def diagnose_change(
         warnings=[*warnings, *more],
     )  # fmt: skip
     tell("done", 1.0)
-    return ChangeDiagnosis(answer, search, found, shrinks, given)
+    return ChangeDiagnosis(answer, search, found, shrinks, runs)
 
 
 def false_alarm_rate(normal: Normal, asked: float) -> dict[str, Any]:

@@ -19,10 +19,12 @@ from drift_drake.gap.diagnosis.likelihood.beliefs import (
 from drift_drake.gap.estimation.filter_state import CHANNELS
 from drift_drake.gap.estimation.prior import RELATIVE_TO_NONE, RELATIVE_TO_RIVAL, TWO_SIDED, Interval, Range, at_end
 from drift_drake.gap.estimation.problem import NUISANCES, PROCESS_NOISE
+from drift_drake.gap.estimation.reduction import NOTHING_REMOVED, Reduction
 from drift_drake.gap.estimation.windows import PREDICTED
 from drift_drake.gap.evidence.constants import OF_SCATTER, STANDS_FOR
 from drift_drake.gap.evidence.hypotheses import Hypothesis, integrated
-from drift_drake.gap.evidence.posterior import PosteriorConstants, Ranked, hypothesis_name, log_prior
+from drift_drake.gap.evidence.posterior import NONE, PosteriorConstants, Ranked, hypothesis_name, log_prior
+from drift_drake.gap.evidence.ranking import DayRanked
 from drift_drake.gap.evidence.search import Curve, Search
 
 WORTH = 4.0  # [s] of such a car's rows that are worth one independent measurement, between days
@@ -66,6 +68,18 @@ def detection_limits(search: Search, curves: Sequence[Curve]) -> dict[str, Detec
         shifts.append(Shifts(curve.name, q[allowed], (s[allowed] - at_zero) @ root))
     own = {curve.name: shift for curve, shift in zip(curves, shifts, strict=True) if curve.follows == 0.0}
     return {name: limit_of(own[name], [rival for rival in shifts if rival.name != name]) for name in search.ranges}
+
+
+def unless_hidden(
+    found: DayRanked, shrinks: Reduction, limits: Mapping[str, DetectionLimit], none: Hypothesis
+) -> tuple[DayRanked, Reduction]:
+    """A verdict and what its cause removes, but of effects that these drives cannot tell from none at any magnitude
+    within reach: they neither show nor exclude a gap."""
+    named = [limits[name] for name in found.leading.names if found.verdict == "effect"]
+    if not named or any(limit.least is not None or limit.taken_for != NONE for limit in named):
+        return found, shrinks
+    open_yet = dataclasses.replace(found, verdict=NONE, leading=none, decision="undecided", something_else=0.0)
+    return open_yet, NOTHING_REMOVED
 
 
 def root_of(inverse: np.ndarray) -> np.ndarray:

@@ -7,8 +7,15 @@ import pytest
 
 from drift_drake.car.effects.catalogue import CATALOGUE
 from drift_drake.car.parameters import VehicleParameters
-from drift_drake.gap.diagnosis.calibrated.posterior import detection_limits, distances
+from drift_drake.gap.diagnosis.calibrated.posterior import (
+    DetectionLimit,
+    detection_limits,
+    distances,
+    unless_hidden,
+)
 from drift_drake.gap.estimation.prior import AGAINST_NONE, REACH, SURE, range_of
+from drift_drake.gap.estimation.reduction import Reduction
+from drift_drake.gap.evidence.ranking import DayRanked
 from drift_drake.gap.evidence.search import Curve
 
 RELATIVE_TO_NONE = SURE + np.sqrt(SURE**2 + 2.0 * AGAINST_NONE)
@@ -130,3 +137,27 @@ def test_distances_are_to_the_nearest():
     points, others = np.random.default_rng(0).normal(size=(2, 7, 3))
     by_hand = [min(np.linalg.norm(p - q) for q in others) for p in points]
     np.testing.assert_allclose(distances(points, others), by_hand)
+
+
+@pytest.mark.parametrize(
+    ("names", "verdict"),
+    [(("mass_error",), "none"), (("torque_lag",), "effect"), (("mass_error", "torque_lag"), "effect"),
+     (("front_stiffness_error",), "effect")],
+)  # fmt: skip
+def test_what_these_drives_could_not_show_at_any_magnitude_is_no_verdict(names, verdict):
+    """A cause that is hard to tell from another one is one: that there is a gap is shown."""
+    limits = {
+        "mass_error": DetectionLimit("-", None, "none"),
+        "torque_lag": DetectionLimit("s", 0.1, "none"),
+        "front_stiffness_error": DetectionLimit("-", None, "rear_stiffness_error"),
+    }
+    none, cause = SimpleNamespace(names=()), SimpleNamespace(names=names)
+    said = DayRanked({"none": 0.3, "x": 0.7}, ["x"], "effect", cause, "cause", 0.4)
+    removed = Reduction(0.5, 0.4, 0.6, {}, {}, [], [], [])
+    found, left = unless_hidden(said, removed, limits, none)
+    assert found.verdict == verdict
+    assert found.probabilities == said.probabilities
+    if verdict == "none":
+        assert (found.leading, found.decision, found.something_else, left.estimate) == (none, "undecided", 0.0, 0.0)
+    else:
+        assert (found, left) == (said, removed)

@@ -12,6 +12,7 @@ from mcap.writer import Writer
 from drift_drake.car.log.table import read_case
 from drift_drake.car.templates import TEMPLATES
 from drift_drake.car.vehicle_file import write_vehicle
+from drift_drake.cli.main import main
 from drift_drake.gap.diagnosis.answers.answer import Answer
 from drift_drake.gap.estimation.prior import Interval
 from drift_drake.gap.logs.screening.gains import Bounds
@@ -157,7 +158,7 @@ def test_a_recording_is_dragged_onto_a_day_which_may_have_its_own_mapping(workbe
     assert own.read_bytes() == shared.read_bytes()
 
 
-def test_runs_are_exported(workbench, window):
+def test_runs_are_exported_as_by_the_command(workbench, window, tmp_path, monkeypatch):
     one = window(workbench)
     one.go("Columns")  # its start was changed
     one.page.get_by_role("button", name="Import day 1").click()
@@ -165,7 +166,10 @@ def test_runs_are_exported(workbench, window):
     one.go("Apply")
     one.page.get_by_role("button", name="Export day 1 for Foxglove").click()
     one.page.locator(".state.done").wait_for()
-    assert list((workbench.folder / "foxglove" / "day 1").glob("*.mcap"))
+    monkeypatch.chdir(workbench.folder)
+    assert main(["export", "logs/day 1", "--format", "mcap", "--out", str(tmp_path / "again")]) == 0
+    (made,) = Path("foxglove/day 1").glob("*.mcap")
+    assert made.read_bytes() == (tmp_path / "again" / made.name).read_bytes()
 
 
 def test_days_have_a_trend(workbench, window):

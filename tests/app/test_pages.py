@@ -150,6 +150,20 @@ def test_the_keyboard_alone_suffices(workbench, window):
     assert one.page.evaluate("document.activeElement.getAttribute('aria-label')").startswith("yaw_inertia")
 
 
+def test_a_command_is_started_and_cancelled_by_keys(workbench, window):
+    one = window(workbench)
+    one.go("Check")
+    for name, key in (("Check monday", "Enter"), ("Cancel the check of monday", "Space")):
+        button = one.page.get_by_role("button", name=name, exact=True)
+        button.wait_for()
+        for _ in range(60):
+            one.page.keyboard.press("Tab")
+            if button.evaluate("one => one === document.activeElement"):
+                break
+        one.page.keyboard.press(key)
+    one.page.locator(".state.cancelled").wait_for()
+
+
 def test_files_of_the_folder_alone_are_served_to_who_has_the_token(workbench, window, browser):
     one = window(workbench)
     assert one.context.request.get(f"{workbench.site}/files/car.yaml").ok

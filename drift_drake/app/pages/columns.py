@@ -180,6 +180,8 @@ class _View:
             found = await or_why(_previewed, self.readings, self.name, self.part(), asked[1])
             if asked == (self.name, self.mapping()):
                 break  # else an edit came meanwhile, and this is of what was before
+        if self.said.is_deleted:  # another page is shown by now
+            return
         self.said.clear()
         self.said.props["aria-busy"] = "false"
         with self.said:

@@ -125,7 +125,7 @@ def car(one):
     one.go("Check")
     page.get_by_role("button", name="Check day 1").click()
     page.get_by_text("day 1 is good enough to calibrate a car on").wait_for()
-    page.locator(".clouds .js-plotly-plot .scatterlayer").nth(3).wait_for()
+    page.locator(".clouds .js-plotly-plot .scatterlayer").nth(1).wait_for()
     if picture := os.environ.get("PICTURE"):
         photograph(one, Path(picture))
 

@@ -11,6 +11,7 @@ from drift_drake.car.log.table import Run, write_run
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.car.vehicle_file import write_vehicle
 from drift_drake.cli.main import main
+from drift_drake.gap.diagnosis.check.check import check
 
 
 @pytest.fixture(scope="module")
@@ -141,3 +142,22 @@ def test_a_report_shows_what_is_used_and_what_would_be_seen(files, tmp_path, bro
     assert "drift-drake check" in text
     check_charts(page)
     check_looks(browser, plain, page)
+
+
+def test_a_small_cars_effects_are_seen():
+    """A relaxation length near zero is stiffer than a row's steps can follow: it must not hide all other effects."""
+    small = VehicleParameters(
+        mass=1.58, yaw_inertia=0.0048, front_axle_distance=0.08, rear_axle_distance=0.0935, wheel_radius=0.03,
+        rear_axle_inertia=2e-4, gear_ratio=1.0, friction=1.0, front_stiffness=50.0, rear_stiffness=50.0,
+        torque_min=-0.1, torque_max=0.6, steering_limit=0.45,
+    )  # fmt: skip
+    rng, t = np.random.default_rng(0), 0.02 * np.arange(1000)
+    delta = 0.08 * (np.sin(1.3 * t) + np.sin(2.9 * t))
+    v, length = 2.0 + 0.4 * np.sin(0.7 * t), small.front_axle_distance + small.rear_axle_distance
+    r, beta = v * np.tan(delta) / length, small.rear_axle_distance * np.tan(delta) / length
+    levels = {"r": (r, 0.01), "v": (v, 0.01), "beta": (beta, 0.003), "omega_r": (v, 0.01)}
+    noisy = {name: values + level * rng.normal(size=len(t)) for name, (values, level) in levels.items()}
+    run = Run(name="small", t=t, delta_cmd=delta, tau_cmd=np.full(len(t), 0.01), **noisy)
+    found = check([run], small).detection
+    seen = {name for name, limit in found.items() if limit["least"] is not None}
+    assert {"friction_level", "steering_lag", "steering_offset", "sensor_latency"} <= seen

@@ -1,16 +1,22 @@
 """The workbench's server: NiceGUI's pages behind the guard, on loopback alone."""
 
 import contextlib
+import mimetypes
 import os
 import secrets
 import socket
 import tempfile
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator, Callable, Iterator
+from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING, BinaryIO
 
 from drift_drake.app.guard import LOOPBACK, Guard, within
 from drift_drake.app.project import Project
 from drift_drake.common.errors import DriftDrakeError, InvalidOptionError, MissingExtraError
+
+if TYPE_CHECKING:
+    from starlette.responses import Response
 
 # Of a file of the folder in a frame: it runs its own scripts in an origin of its own, and reaches nothing.
 FRAMED = (
@@ -19,6 +25,7 @@ FRAMED = (
     "worker-src blob:; frame-src blob:; frame-ancestors 'self'"
 )
 
+CHUNK = 1 << 16  # bytes of a file that are sent at once
 PATIENCE = 60.0  # [s] that a window may be without an answer, on a machine that is busy, before it is forgotten
 
 
@@ -51,7 +58,7 @@ def serve(folder: Path, port: int, ready: Callable[[str], None]) -> None:
         import uvicorn
         from fastapi import FastAPI, Request
         from nicegui import ui
-        from starlette.responses import FileResponse, PlainTextResponse, Response
+        from starlette.responses import Response
     except ImportError as error:
         listening.close()
         raise MissingExtraError("the workbench", error.name or "nicegui", "app") from None
@@ -75,10 +82,7 @@ def serve(folder: Path, port: int, ready: Callable[[str], None]) -> None:
 
     @site.get("/files/{name:path}")
     def file(name: str) -> Response:
-        path = within(folder, name)
-        if path is None or not path.is_file():
-            return PlainTextResponse("no such file in the project's folder\n", 404)
-        return FileResponse(path, headers={"content-security-policy": FRAMED, "cache-control": "no-store"})
+        return response_of(within(folder, name))
 
     @site.post("/upload")
     async def upload(request: Request, name: str) -> dict[str, str]:
@@ -94,6 +98,26 @@ def serve(folder: Path, port: int, ready: Callable[[str], None]) -> None:
                             timeout_graceful_shutdown=1)  # fmt: skip
     listening.listen()
     uvicorn.Server(config).run(sockets=[listening])
+
+
+def response_of(path: Path | None) -> "Response":
+    """A file as it is now, whole, though a command moves it away meanwhile; 404 without one."""
+    from starlette.responses import PlainTextResponse, StreamingResponse
+
+    try:
+        opened = None if path is None or not path.is_file() else path.open("rb")
+    except OSError:
+        opened = None
+    if path is None or opened is None:
+        return PlainTextResponse("no such file in the project's folder\n", 404)
+    size = str(os.fstat(opened.fileno()).st_size)
+    headers = {"content-security-policy": FRAMED, "cache-control": "no-store", "content-length": size}
+    return StreamingResponse(_parts(opened), headers=headers, media_type=mimetypes.guess_type(path.name)[0])
+
+
+def _parts(opened: BinaryIO) -> Iterator[bytes]:
+    with opened:
+        yield from iter(partial(opened.read, CHUNK), b"")
 
 
 FAVICON = (

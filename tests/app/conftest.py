@@ -62,7 +62,7 @@ class Window:
         self.page = self.context.new_page()
         self.page.set_default_timeout(1000.0 * WAIT)
         self.workbench, self.folder, self.site, self.wrong = workbench, workbench.folder, workbench.site, []
-        self.page.on("console", lambda m: self.wrong.append(m.text) if m.type == "error" else None)
+        self.page.on("console", lambda m: self.wrong.append(f"{m.text} {m.location}") if m.type == "error" else None)
         self.page.on("pageerror", lambda error: self.wrong.append(str(error)))
         self.page.on("request", lambda request: self._asked(request.url))
         self.page.goto(workbench.address)

@@ -5,6 +5,7 @@ import asyncio
 import pytest
 
 from drift_drake.app.guard import LARGEST_UPLOAD, POLICY, Guard, within
+from drift_drake.app.server import response_of
 
 TOKEN, PORT = "secret", 4321
 HOST = f"127.0.0.1:{PORT}"
@@ -94,3 +95,20 @@ def test_files_are_of_the_folder_alone(tmp_path):
     assert within(folder, "a.html") == (folder / "a.html").resolve()
     for name in ("../secret", "/etc/passwd", "link", "a/../../secret", "\0"):
         assert within(folder, name) is None
+
+
+def test_a_file_that_is_moved_away_while_it_is_sent_comes_whole(tmp_path):
+    """A command that starts moves its results away: the page that shows them may ask for one in that moment."""
+    path = tmp_path / "calibrated.html"
+    path.write_bytes(b"x" * 200_000)
+    pytest.importorskip("starlette", reason="the workbench needs the extra `app`")
+    response = response_of(path)
+    path.rename(tmp_path / "aside.html")
+    assert (response.headers["content-length"], response.media_type) == ("200000", "text/html")
+
+    async def body() -> bytes:
+        return b"".join([bytes(part) async for part in response.body_iterator])
+
+    assert asyncio.run(body()) == b"x" * 200_000
+    assert response_of(path).status_code == 404
+    assert response_of(None).status_code == 404

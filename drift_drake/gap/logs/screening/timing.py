@@ -204,5 +204,6 @@ def _apart(run: _Run, witness: Callable[[_Run], _Like | None]) -> Apart | None:
     except ValueError:
         return None
     moved = np.interp(t[kept] + at.offset, t, whole[1])
-    alike = float(np.corrcoef(whole[0][kept], moved)[0, 1])
-    return None if at.correlation < ALIKE or alike < LIKENESS else Apart(-at.offset, max(at.std, 1e-4))
+    if at.correlation < ALIKE or np.ptp(moved) < 1e-9 or np.corrcoef(whole[0][kept], moved)[0, 1] < LIKENESS:
+        return None
+    return Apart(-at.offset, max(at.std, 1e-4))

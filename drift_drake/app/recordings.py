@@ -71,11 +71,12 @@ class Recordings:
         from drift_drake.gap.logs.importing.excerpt import excerpt
 
         key = *self._key(name), *part
-        if key not in self._excerpts:
-            self._excerpts[key] = excerpt(self.topics(name), *part)
+        found = self._excerpts.get(key) or excerpt(self.topics(name), *part)
+        with self._lock:  # two windows may ask at once
+            self._excerpts[key] = found
             while len(self._excerpts) > KEPT:
                 self._excerpts.popitem(last=False)
-        return self._excerpts[key]
+        return found
 
     def summary(self, name: str) -> Summary:
         """Rates, gaps and thumbnails of a recording."""

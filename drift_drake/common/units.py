@@ -43,7 +43,7 @@ OTHER = "other"  # dimension of a unit that is known, and that no quantity of a 
 WORDS = {  # of a unit of the table, or of a factor in products: further spellings, in lower case
     "s": (
         "unixtime utc epoch sec secs second seconds sek sekunde sekunden seconde secondes segundos secondi "
-        "sekunder 秒 초 с сек"  # noqa: RUF001
+        "sekunder 秒 초 \u0441 сек"
     ),
     "ms": "мс 毫秒 ミリ秒 msec msecs millisec millisecond milliseconds millisekunden",
     "us": "usec microsec microsecond microseconds mus",
@@ -99,24 +99,8 @@ OTHERS = (  # of other dimensions, in lower case
     "bit bits byte bytes raw count counts cnt # bool boolean enum state sats lap laps gear index id "
     "kpa/s l/h kg/h g/s mg/s n/m n/mm j kj nmi t ut gauss ohm ° c ° f deg c deg f l/min"
 )  # fmt: skip
-UNSTATED = (
-    "",
-    "?",
-    "n/a",
-    "na",
-    "nan",
-    "none",
-    "null",
-    "unknown",
-    "unit",
-    "units",
-    "no unit",
-    "--",
-    "[]",
-    "()",
-    "wgs84",
-    "wgs 84",
-)
+UNSTATED = ("", "?", "n/a", "na", "nan", "none", "null", "unknown", "unit", "units", "no unit", "--", "[]", "()",
+            "wgs84", "wgs 84")  # fmt: skip
 FACTORS = {"m": (1, 0, 0, 0), "s": (0, 1, 0, 0), "rad": (0, 0, 1, 0), "N": (0, 0, 0, 1)}  # SI, as exponents
 POWERS = {"length": FACTORS["m"], "time": FACTORS["s"], "angle": FACTORS["rad"], "force": FACTORS["N"],
           "speed": (1, -1, 0, 0), "angular rate": (0, -1, 1, 0), "acceleration": (1, -2, 0, 0),

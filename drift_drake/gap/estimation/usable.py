@@ -19,7 +19,7 @@ from drift_drake.car.log.driving import (
     spans,
     turned_back,
 )
-from drift_drake.car.log.table import COLUMNS, OPTIONAL, SHORTEST_RUN, InvalidLogError, Run
+from drift_drake.car.log.table import OPTIONAL, SHORTEST_RUN, InvalidLogError, Run
 from drift_drake.car.parameters import CarParameters, VehicleParameters
 from drift_drake.gap.estimation.windows import SETTLING, stride_of
 from drift_drake.gap.logs.screening.repeated import without_repeated
@@ -265,9 +265,8 @@ def admit(runs: Sequence[Run], car: CarParameters) -> Admitted:
     vehicle = car.single_track()
     runs, repeated = without_repeated(runs)
     clean, found = screened(runs)
-    columns = [{name: one.run.column(name) for name in COLUMNS} for one in clean]
+    late = late_columns([one.columns for one in clean], [one.run.period for one in clean])
     # Commands that come late are for the hypotheses.
-    late = [doubt for doubt in late_columns(columns, [one.run.period for one in clean]) if doubt.shift is not None]
-    doubts = [*suspicions_of(clean, vehicle), *late]
+    doubts = [*suspicions_of(clean, vehicle), *(doubt for doubt in late if doubt.shift is not None)]
     kept, left_out = usable_parts(runs, clean, vehicle, not isinstance(car, SimulatorCar))
     return Admitted(kept, doubts, [*(doubt.sentence for doubt in doubts), *repeated, *found, *left_out])

@@ -9,6 +9,7 @@ import numpy as np
 from drift_drake.car.log.driving import in_spans
 from drift_drake.car.log.table import COLUMNS, OPTIONAL, UNITS, Run
 from drift_drake.gap.logs.noise import coarse, noise_of, step, white_noise_level, wrap_size
+from drift_drake.gap.logs.screening.averaging import Columns
 from drift_drake.gap.logs.screening.bad_samples import command_dropouts, filled, frozen, spikes
 from drift_drake.gap.logs.screening.dead import dead_columns
 from drift_drake.gap.logs.screening.held_commands import frozen_command, held_sentences
@@ -47,6 +48,11 @@ class Screened:
     bad: tuple[BadRows, ...]
     noise_floor: Mapping[str, float]
     dead: tuple[str, ...] = ()
+
+    @property
+    def columns(self) -> Columns:
+        """The run's columns by name, None where there is none."""
+        return {name: self.run.column(name) for name in COLUMNS}
 
     def mask(self, beyond: float = 0.0) -> np.ndarray:
         """Rows [rows] (bool) in which a column is filled, not measured, for more than so many rows."""

@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from drift_drake.car.log.table import COLUMNS, Run
+from drift_drake.car.log.table import Run
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.gap.logs.screening.relations import KINDS, Relation, Windows, relations, windows_of
 from drift_drake.gap.logs.screening.screened import Screened, screened
@@ -63,7 +63,7 @@ def suspicions(runs: Sequence[Run], vehicle: VehicleParameters) -> list[Suspicio
 
 def suspicions_of(clean: Sequence[Screened], vehicle: VehicleParameters) -> list[Suspicion]:
     """`suspicions` of runs that have been screened."""
-    runs = [{name: one.run.column(name) for name in COLUMNS} for one in clean]
+    runs = [one.columns for one in clean]
     windows = windows_of(runs, [one.run.period for one in clean])
     found, windows = contradictions(windows, lambda windows: relations(windows, vehicle), mistakes(vehicle))
     return found + disagreements([one.run.name for one in clean], windows, vehicle)

@@ -52,9 +52,9 @@ def late_columns(runs: Sequence[Columns], periods: Sequence[float]) -> list[Susp
     Of commands alone, which a car's actuators delay too, no shift is given.
     """
     longest = sorted(range(len(runs)), key=lambda i: -len(np.asarray(runs[i]["r"])))[:MOST]
-    found = {}
+    asked, found = [_Run(runs[i], periods[i]) for i in longest], {}
     for name, witness in WITNESSES.items():
-        of_runs = [at for i in longest if (at := _apart(_Run(runs[i], periods[i]), witness)) is not None]
+        of_runs = [at for run in asked if (at := _apart(run, witness)) is not None]
         if of_runs:
             found[name] = _together(of_runs)
     return [_late(found, names, at) for names, at in _groups(found)]

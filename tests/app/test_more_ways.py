@@ -183,8 +183,8 @@ def test_days_have_a_trend(workbench, window):
     one.go("Diagnose")
     page = one.page
     page.get_by_role("table", name="What was found on each day").get_by_text("0.09 (0.08 to 0.1)").wait_for()
-    page.locator("[aria-label='steering_lag by day'] .scatterlayer .trace").nth(1).wait_for()
-    assert page.locator("[aria-label='steering_lag by day'] .errorbars").count() == 2
+    page.locator("[aria-label^='steering_lag by day'] .scatterlayer .trace").nth(1).wait_for()
+    assert page.locator("[aria-label^='steering_lag by day'] .errorbars").count() == 2
 
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])

@@ -11,6 +11,7 @@ from drift_drake.app.pages.frame import STEPS
 from drift_drake.car.templates import TEMPLATES
 from drift_drake.car.vehicle_file import write_vehicle
 from drift_drake.cli.main import main
+from drift_drake.view.pages.charts import KEYS
 from tests.app.conftest import Workbench
 
 sys.path.append(str(Path(__file__).parents[1] / "gap" / "logs"))
@@ -18,6 +19,11 @@ from importing_bench import WHEELBASE, rows
 
 HOSTILE = '<img src=x onerror="document.title=1">.csv'
 DAY = "day (empty: not used) of "
+# Start and end of the time that a chart shows, and the last time that it has.
+SHOWN = """() => {
+  const chart = document.querySelector(".chart");
+  return [...chart._fullLayout.xaxis.range, Math.max(...chart.data[0].x)];
+}"""
 
 
 def recording(path: Path, seed: int) -> None:
@@ -113,6 +119,35 @@ def test_signals_are_looked_at_as_finely_as_one_zooms(workbench, window):
     card.locator(".js-plotly-plot .xy, .js-plotly-plot .xy2").nth(1).wait_for()
     card.get_by_role("button", name="YawRate").click()
     page.wait_for_function("document.querySelectorAll('.js-plotly-plot .scatterlayer .trace').length == 1")
+
+
+def test_a_chart_is_zoomed_and_moved_by_keys_alone(workbench, window):
+    page = window(workbench).page
+    card = page.get_by_role("article", name="lap.csv")
+    card.get_by_text("8 channels").click()
+    card.get_by_role("button", name="YawRate").press("Enter")
+    chart = card.get_by_role("application", name=f"Signals of lap.csv; {KEYS}")
+    chart.locator(".scatterlayer .trace").wait_for()
+    whole = page.evaluate(SHOWN)
+    for _ in range(30):
+        page.keyboard.press("Tab")
+        if chart.evaluate("one => one === document.activeElement"):
+            break
+    page.keyboard.type("++")
+    shows(page, 0.375 * whole[1], 0.625 * whole[1])
+    for key in ("ArrowRight", "ArrowRight", "ArrowLeft", "-"):
+        page.keyboard.press(key)
+    shows(page, 0.3125 * whole[1], 0.8125 * whole[1])
+    page.wait_for_function(f"({SHOWN})()[2] < {whole[2]}")  # the part that is shown has come from the server
+    page.keyboard.press("0")
+    shows(page, *whole[:2])
+
+
+def shows(page, start, end):
+    """Waits until the chart shows this part, and goes on to show it."""
+    for _ in range(2):
+        page.wait_for_function(f"(([a, b]) => Math.hypot(a - {start}, b - {end}) < 0.02)(({SHOWN})())")
+        page.wait_for_timeout(500)
 
 
 def test_names_of_files_are_texts(workbench, window):

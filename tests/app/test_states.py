@@ -93,7 +93,7 @@ def test_long_names_and_texts_and_many_days_fit(full, window, width, scheme):
     page.locator(".refusal", has_text="give another").wait_for()
     assert one.flaws() == []
     one.go("Diagnose")
-    page.locator("[aria-label='steering_lag by day'] .xtick text").nth(DAYS - 1).wait_for()
+    page.locator("[aria-label^='steering_lag by day'] .xtick text").nth(DAYS - 1).wait_for()
     assert one.flaws() == []
     one.go("Check")
     page.get_by_text("Fahrtag 00 mit einem Namen bis vierzig.: what is used").click()

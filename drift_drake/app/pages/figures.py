@@ -9,7 +9,7 @@ from nicegui.element import Element
 from drift_drake.app.pages.parts import box, text
 from drift_drake.app.recordings import Thumb
 from drift_drake.common.errors import significant
-from drift_drake.view.pages.charts import Figure, Panel, stacked
+from drift_drake.view.pages.charts import KEYS, Figure, Panel, stacked
 
 CONFIG = {"displaylogo": False, "displayModeBar": False, "responsive": True}
 
@@ -49,7 +49,7 @@ def _path(values: Sequence[float | None]) -> str:
 def drawn(figure: Figure, label: str) -> ui.plotly:
     """A figure of `view.pages.charts`; label: what a screen reader says of it."""
     element = ui.plotly(figure | {"config": CONFIG}).classes("chart")
-    element.props.update({"role": "img", "aria-label": label})
+    element.props.update({"role": "application", "tabindex": "0", "aria-label": f"{label}; {KEYS}"})
     return element
 
 

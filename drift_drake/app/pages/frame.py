@@ -51,7 +51,7 @@ def page(project: Project, jobs: Jobs, step: Step, draw: Callable[[dict[str, Any
     """One page: the frame, and what `draw` makes of the project file's content."""
     own = (resources.files("drift_drake.app.pages") / "look.css").read_text()
     ui.add_head_html(f"<style>{(FOLDER / 'look.css').read_text()}{own}</style>")
-    ui.add_head_html(SCRIPT)
+    ui.add_head_html(f"{SCRIPT}<script>{(FOLDER / 'keys.js').read_text()}</script>")
     ui.page_title(f"{step.name} - {folder_name(project)} - drift_drake")
     client = ui.context.client
     way = ui.refreshable(_way)

@@ -107,7 +107,11 @@ def _summary(recordings: Recordings, name: str, summary: Summary) -> None:
 
     with box("details"):
         text("summary", f"{len(summary.thumbs)} channels")
-        text("p", f"Press a channel to see it below, {MOST_SHOWN} at most; drag there to zoom.", "note")
+        text(
+            "p",
+            f"Press a channel to see it below, {MOST_SHOWN} at most; drag there, or press + and -, to zoom.",
+            "note",
+        )
         with box("div", "thumbs"):
             for one in summary.thumbs:
                 buttons[one.column] = thumbnail(one, partial(toggle, one.column))

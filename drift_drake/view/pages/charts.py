@@ -30,6 +30,7 @@ ASTRAY = 1.5  # times the measured range beyond which a prediction is left out o
 MOST_POINTS = 1600  # of a line: of a longer one least and largest values are drawn
 MOST_NAMED = 10  # lines in a legend
 CLOUD = 700  # points of a run in a cloud
+KEYS = "keys: + and - zoom, arrows move, 0 shows all"  # of `keys.js`
 
 
 @dataclasses.dataclass(frozen=True)
@@ -263,8 +264,8 @@ def finished(figure: Figure, height: int, hover: str = "x unified", ticks: int =
 def placed(figure: Figure, label: str = "") -> Markup:
     """A figure as a place of a page and its data; label: what a screen reader says of it."""
     data = json.dumps(figure, separators=(",", ":")).replace("</", "<\\/")
-    return Markup('<div class="chart" role="img" aria-label="{}" style="min-height:{}px">').format(
-        label or _titles(figure), figure["layout"]["height"]
+    return Markup('<div class="chart" role="application" tabindex="0" aria-label="{}" style="min-height:{}px">').format(
+        f"{label or _titles(figure)}; {KEYS}", figure["layout"]["height"]
     ) + Markup(f'<script type="application/json">{data}</script></div>')
 
 

@@ -2,6 +2,7 @@
 
 import json
 
+import numpy as np
 import pytest
 import yaml
 from browser import check_charts, check_looks, needs_browser
@@ -48,6 +49,29 @@ def test_a_report_shows_signals_and_what_columns_say_of_each_other(files, tmp_pa
     assert "24.0 of 24.0 s are used" in text
     check_charts(page)
     check_looks(browser, page)
+    check_keys(browser, page)
+
+
+RANGES = "one => ['xaxis', 'yaxis'].flatMap(name => one._fullLayout[name].range)"
+
+
+def check_keys(browser, path):
+    """Keys zoom a chart over time in time alone, and a cloud of points in both."""
+    page = browser.new_page()
+    page.goto(path.as_uri())
+    for chart, both in ((page.locator(".chart").first, False), (page.locator(".clouds .chart").first, True)):
+        whole = np.array(chart.evaluate(RANGES)).reshape(2, 2)
+        chart.press("+")
+        middle, half = whole.mean(axis=1), np.diff(whole)[:, 0] / 2.0
+        size = np.array([0.5, 0.5 if both else 1.0])
+        zoomed = np.array(chart.evaluate(RANGES)).reshape(2, 2)
+        np.testing.assert_allclose(zoomed, np.column_stack([middle - size * half, middle + size * half]), rtol=1e-9)
+        chart.press("ArrowUp")
+        moved = np.array(chart.evaluate(RANGES)).reshape(2, 2)
+        np.testing.assert_allclose(moved[1] - zoomed[1], 0.25 * half[1] if both else 0.0, rtol=1e-9)
+        chart.press("Home")
+        np.testing.assert_allclose(np.array(chart.evaluate(RANGES)).reshape(2, 2), whole)
+    page.close()
 
 
 def test_bad_input_is_one_sentence_and_exit_code_2(files, capsys):

@@ -143,6 +143,7 @@ def solve_equations(of: Equations, gradient: np.ndarray, prior: np.ndarray, prec
         left[part.columns] -= part.cross.T @ alone
         evidence += 0.5 * float(part.gradient @ alone) - _half_log_determinant(matrix)
         parts.append((part, by_own, alone, np.diag(inverse)))
+    schur = _definite(schur, prior)
     covariance = np.linalg.inv(schur)
     own = -covariance @ left
     evidence += -0.5 * float(left @ own) - _half_log_determinant(schur)
@@ -152,6 +153,15 @@ def solve_equations(of: Equations, gradient: np.ndarray, prior: np.ndarray, prec
         for part, by_own, _, diagonal in parts
     ]
     return Solution(own, weights, np.concatenate(variance), evidence)
+
+
+def _definite(matrix: np.ndarray, prior: np.ndarray) -> np.ndarray:
+    """An information matrix, raised to the prior's precisions where rounding has left it below: it is their sum."""
+    if np.linalg.eigvalsh(matrix)[0] > 0.0:
+        return matrix
+    root = np.sqrt(np.outer(prior, prior))
+    values, vectors = np.linalg.eigh(matrix / root)
+    return np.asarray(root * ((vectors * np.maximum(values, 1.0)) @ vectors.T))
 
 
 def _half_log_determinant(matrix: np.ndarray) -> float:

@@ -5,6 +5,7 @@ import pytest
 
 from drift_drake.gap.estimation.regression import (
     Responses,
+    _definite,
     equations,
     left_over,
     regress,
@@ -88,3 +89,15 @@ def test_equations_of_shared_weights_add_up():
     np.testing.assert_allclose(added.weights[0].cross, whole.weights[0].cross)
     np.testing.assert_allclose(added.weights[0].gradient, whole.weights[0].gradient)
     assert added.squares == pytest.approx(whole.squares)
+
+
+def test_rounding_does_not_take_the_information_below_the_priors():
+    """A direction that a weak prior alone holds, beside one of 1e13 times its information: the rest is rounding."""
+    prior = np.array([1.0, 1e-6])
+    matrix = np.array([[1.0 + 1e13, 1e6 * np.sqrt(1e13)], [1e6 * np.sqrt(1e13), 1e12]])
+    matrix[1, 1] -= 1.0  # beyond what is left of 1e-6
+    found = _definite(matrix, prior)
+    assert np.linalg.eigvalsh(matrix)[0] <= 0.0
+    assert np.linalg.eigvalsh(found / np.sqrt(np.outer(prior, prior)))[0] > 0.0
+    plain = np.diag([3.0, 2.0])
+    assert _definite(plain, prior) is plain

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.ndimage import uniform_filter1d
 
-from drift_drake.common.arrays import Array
+from drift_drake.common.arrays import Array, correlation
 from drift_drake.gap.logs.importing.known import POSITION
 from drift_drake.gap.logs.importing.mapping import RecorderMapping
 from drift_drake.gap.logs.importing.position import against_position
@@ -150,7 +150,7 @@ def _directions(columns: Mapping[str, Array], rows: int) -> list[str]:
                 f"the course lies {math.degrees(rest):.0f} deg from heading plus sideslip: another zero of the heading "
                 "(north or east)?"
             )
-    if slip is not None and _likeness(uniform_filter1d(beta, rows), uniform_filter1d(slip, rows)) < -LIKENESS:
+    if slip is not None and correlation(uniform_filter1d(beta, rows), uniform_filter1d(slip, rows)) < -LIKENESS:
         sentences.append("column beta looks mirrored: it is heading minus course, or of another axis convention.")
     turned = float(np.angle(np.mean(np.exp(1j * beta))))
     about = float(np.mean(np.abs(np.angle(np.exp(1j * (beta - turned)))) < TURNED))
@@ -189,10 +189,3 @@ def _accelerometer(columns: Mapping[str, Array], w: Windows, doubted: set[str | 
     elif rest < -0.5 * GRAVITY:
         sentences.append(f"vertical acceleration is {rest:.2g} m/s^2: z points down (frame ned or sae)?")
     return sentences
-
-
-def _likeness(a: Array, b: Array) -> float:
-    """Correlation of two signals, zero where one does not vary or is not there."""
-    if len(a) < 2 or not np.isfinite(a).all() or min(np.ptp(a), np.ptp(b)) < 1e-9:
-        return 0.0
-    return float(np.corrcoef(a, b)[0, 1])

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.integrate import cumulative_trapezoid
 from scipy.ndimage import uniform_filter1d
 
-from drift_drake.common.arrays import Array
+from drift_drake.common.arrays import Array, correlation
 from drift_drake.common.units import DIMENSIONS
 from drift_drake.gap.logs.wording.conversion import QUANTITIES, dimension, factor
 
@@ -55,9 +55,7 @@ def is_raw(trace: Trace) -> bool:
 def likeness(a: Trace, b: Trace) -> float:
     """Correlation of two signals, zero where it is not known."""
     x, y = _paired(a, b)
-    if len(x) < LEAST or min(np.ptp(x), np.ptp(y)) < 1e-9:
-        return 0.0
-    return float(np.corrcoef(x, y)[0, 1])
+    return correlation(x, y) if len(x) >= LEAST else 0.0
 
 
 def better(quantity: str, choices: Sequence[Trace], known: Mapping[str, Trace]) -> int:
@@ -254,7 +252,7 @@ def _explained(
 ) -> list[tuple[float, int, dict[str, str]]]:
     """How far off ay = v r is, and how many units differ from SI, for all usual units of what states none."""
     x, y = _paired(product(signals["r"], signals["v"]), signals["ay"])
-    if len(x) < LEAST or min(np.ptp(x), np.ptp(y)) < 1e-9 or abs(np.corrcoef(x, y)[0, 1]) < LIKE:
+    if len(x) < LEAST or abs(correlation(x, y)) < LIKE:
         return []
     size = float(np.std(x) / np.std(y))
     found = []
@@ -268,7 +266,7 @@ def _explained(
 
 def _rate(r: Trace, heading_rate: Trace) -> dict[str, str]:
     x, y = _paired(r, heading_rate)
-    if len(x) < LEAST or min(np.ptp(x), np.ptp(y)) < 1e-9 or abs(np.corrcoef(x, y)[0, 1]) < LIKE:
+    if len(x) < LEAST or abs(correlation(x, y)) < LIKE:
         return {}
     size = float(np.std(y) / np.std(x))
     unit = next((unit for unit in USUAL["r"] if abs(math.log(size / factor(unit))) < 3.0 * EXACT), None)

@@ -9,6 +9,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from drift_drake.car.log.driving import in_spans, spans
+from drift_drake.common.arrays import correlation
 
 SHORTEST = 1.0  # [s] of a command that stands still
 SETTLING = 0.5  # [s] after its last change, in which the car still follows that
@@ -39,9 +40,7 @@ def frozen_command(name: str, columns: Mapping[str, np.ndarray], period: float) 
     command = uniform_filter1d(values, width, mode="nearest")
     found, *_ = np.linalg.lstsq(asked[changing], command[changing], rcond=None)
     expected = asked @ found
-    if min(np.ptp(command[changing]), np.ptp(expected[changing])) < 1e-9:
-        return []
-    if float(np.corrcoef(command[changing], expected[changing])[0, 1]) < LIKE:
+    if correlation(command[changing], expected[changing]) < LIKE:
         return []
     low, high = np.quantile(motion[changing], SEEN, axis=0)
     usual = float(np.max(np.abs(command - expected)[changing]))

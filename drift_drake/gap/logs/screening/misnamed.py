@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from drift_drake.common.arrays import correlation
 from drift_drake.gap.logs.screening.averaging import Columns
 from drift_drake.gap.logs.screening.gains import gain, mean
 from drift_drake.gap.logs.screening.kinematics import Kinematics
@@ -84,10 +85,7 @@ def _both_sides(values: np.ndarray) -> bool:
 def _like(a: np.ndarray, b: np.ndarray) -> float:
     """Correlation of two signals [windows], zero where one does not vary or is not there."""
     known = np.isfinite(a) & np.isfinite(b)
-    a, b = a[known], b[known]
-    if len(a) < FEWEST or min(np.ptp(a), np.ptp(b)) < SMALLEST:
-        return 0.0
-    return float(np.corrcoef(a, b)[0, 1])
+    return correlation(a[known], b[known]) if np.count_nonzero(known) >= FEWEST else 0.0
 
 
 def swapped_accelerations(m: Kinematics) -> list[Suspicion]:

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from drift_drake.common.arrays import Array
+from drift_drake.common.arrays import Array, correlation
 from drift_drake.gap.logs.screening.averaging import Columns
 from drift_drake.gap.logs.screening.gains import Bounds
 from drift_drake.gap.logs.screening.kinematics import Kinematics, motion_of_columns
@@ -31,7 +31,7 @@ class Overlay(NamedTuple):
     @property
     def likeness(self) -> float:
         """Correlation of the two."""
-        return float(np.corrcoef(self.measured, self.expected)[0, 1])
+        return correlation(self.measured, self.expected)
 
     @property
     def gain(self) -> float:

@@ -11,6 +11,7 @@ import numpy as np
 
 from drift_drake.car.effects.record import wheelbase
 from drift_drake.car.parameters import VehicleParameters
+from drift_drake.common.arrays import correlation
 from drift_drake.gap.logs.screening.averaging import Averages, Columns, averages, averaging, column
 
 MOVING = 0.15  # of a run's high speeds, below which headings and ratios of speeds mean nothing
@@ -210,7 +211,7 @@ def _slope(measured: np.ndarray, expected: np.ndarray, least: float) -> tuple[fl
         measured, expected = measured[chosen], expected[chosen]
     if min(np.ptp(measured), np.ptp(expected)) < SMALLEST:
         return None
-    likeness = float(np.corrcoef(_ranks(measured), _ranks(expected))[0, 1])
+    likeness = correlation(_ranks(measured), _ranks(expected))
     if abs(likeness) < least:
         return None
     there, back = _theil_sen(measured, expected), _theil_sen(expected, measured)

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from drift_drake.common.arrays import Array
+from drift_drake.common.arrays import Array, correlation
 from drift_drake.gap.logs.clock_offset import estimate_offset
 from drift_drake.gap.logs.screening.averaging import Columns, continuous
 from drift_drake.gap.logs.screening.relations import GRIP
@@ -204,6 +204,6 @@ def _apart(run: _Run, witness: Callable[[_Run], _Like | None]) -> Apart | None:
     except ValueError:
         return None
     moved = np.interp(t[kept] + at.offset, t, whole[1])
-    if at.correlation < ALIKE or np.ptp(moved) < 1e-9 or np.corrcoef(whole[0][kept], moved)[0, 1] < LIKENESS:
+    if at.correlation < ALIKE or correlation(whole[0][kept], moved) < LIKENESS:
         return None
     return Apart(-at.offset, max(at.std, 1e-4))

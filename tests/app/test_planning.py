@@ -1,4 +1,4 @@
-"""The next drive, planned in the browser where an answer leaves two causes open, as the command plans it."""
+"""What follows an answer, in the browser as by the command: the corrected car and its replay, the next drive."""
 
 import dataclasses
 from pathlib import Path
@@ -18,7 +18,6 @@ from experiments.benchmarks.compiled_cases import NOISE
 from tests.app.conftest import Workbench
 from tests.app.test_more_ways import answer
 
-pytestmark = pytest.mark.slow
 PATIENCE = 1.2e6  # [ms] of a plan
 RUN = "t,r,v,delta_cmd\n" + "".join(f"{0.01 * k:.2f},0,10,0\n" for k in range(60))
 
@@ -52,6 +51,32 @@ def folder(tmp_path):
     return project.folder
 
 
+def test_a_correction_is_replayed_as_by_the_command(folder, window, tmp_path, monkeypatch):
+    workbench = Workbench(folder)
+    try:
+        one = window(workbench, width=390, scheme="dark")
+        one.go("Apply")
+        one.page.get_by_role("button", name="Apply monday").click()
+        one.page.locator(".diff .plus", has_text="steering_lag").wait_for()
+        one.page.get_by_role("button", name="Replay run_0").click()
+        shown = one.page.frame_locator("iframe[title='Replay of run_0.csv']")
+        shown.get_by_text("corrected").first.wait_for()
+        shown.get_by_role("button", name="pause").click()
+        shown.get_by_role("button", name="play").wait_for()
+        assert one.flaws() == []
+        one.page.close()
+    finally:
+        workbench.close()
+    monkeypatch.chdir(folder)
+    fixed, again = tmp_path / "fixed.yaml", tmp_path / "again.html"
+    assert main(["apply", "answers/monday.json", "--vehicle", "car.yaml", "--out", str(fixed)]) == 0
+    assert fixed.read_bytes() == Path("corrected/monday.yaml").read_bytes()
+    words = ["--vehicle", "car.yaml", "--corrected", "corrected/monday.yaml", "--html", str(again)]
+    assert main(["replay", "logs/monday/run_0.csv", *words]) == 0
+    assert again.read_bytes() == Path("replays/monday run_0.html").read_bytes()
+
+
+@pytest.mark.slow
 def test_the_next_drive_is_planned(folder, window, tmp_path, monkeypatch):
     workbench = Workbench(folder)
     try:
@@ -62,10 +87,14 @@ def test_the_next_drive_is_planned(folder, window, tmp_path, monkeypatch):
         part.locator(".state.done").wait_for(timeout=PATIENCE)
         part.get_by_text("What the drive is expected to bring").click()
         part.get_by_text("is expected to fall behind").wait_for()
+        part.locator(".chart .scatterlayer .trace").nth(4).wait_for()
+        with one.page.expect_download() as saved:
+            part.get_by_role("link", name="Save plans/monday.csv").click()
+        saved.value.save_as(tmp_path / "saved.csv")
         one.page.close()
     finally:
         workbench.close()
     monkeypatch.chdir(folder)
     again = tmp_path / "plan.csv"
     assert main(["plan-next", "answers/monday.json", "--vehicle", "car.yaml", "--out", str(again)]) == 0
-    assert again.read_bytes() == Path("plans/monday.csv").read_bytes()
+    assert again.read_bytes() == Path("plans/monday.csv").read_bytes() == (tmp_path / "saved.csv").read_bytes()

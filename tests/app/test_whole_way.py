@@ -1,17 +1,20 @@
 """The whole way in a browser: from a dropped `.mat` of a car made here to its corrected simulator, without a terminal.
 
-The files are the command line's, but for when an answer was computed. With PICTURE=check.png the check's page is
-photographed (`make workbench-picture`).
+All files are those of the commands that the pages show, but for when they were computed. With PICTURE=check.png the
+check's page is photographed (`make workbench-picture`).
 """
 
-import json
 import os
+import re
+import shlex
+import shutil
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
 import scipy.io
+import yaml
 
 from drift_drake.car.effects.magnitudes import make_effects
 from drift_drake.car.parameters import VehicleParameters
@@ -24,6 +27,7 @@ CAR = VehicleParameters(mass=1480.0, yaw_inertia=2100.0, front_axle_distance=1.1
 LAG = 0.09  # [s] of Tuesday's steering
 DAY = "day (empty: not used) of "
 PATIENCE = 1.2e6  # [ms] of a calibration
+TIMES = re.compile(rb'\d{4}-\d\d-\d\d[ T]\d\d:\d\d(:\d\d)?([+-]\d\d:\d\d)?|"seconds": [\d.]+,')
 
 
 def drive(folder: Path, name: str, lag: float, seed: int) -> None:
@@ -77,19 +81,33 @@ def test_from_a_dropped_file_to_a_corrected_simulator(window, tmp_path, monkeypa
         saved.value.save_as(tmp_path / "saved.yaml")
     finally:
         workbench.close()
-    _, effects = read_vehicle(folder / "corrected" / "tuesday.yaml")
+    pages = folder.rename(tmp_path / "pages")
+    _, effects = read_vehicle(pages / "corrected" / "tuesday.yaml")
     assert abs(effects.steering_lag - LAG) < 0.005
+    assert (pages / "corrected" / "tuesday.yaml").read_bytes() == (tmp_path / "saved.yaml").read_bytes()
+    in_a_terminal(pages, folder, monkeypatch)
+
+
+def in_a_terminal(pages, folder, monkeypatch):
+    """The commands that the pages show, in a folder with the same inputs, write the same, but for when they ran."""
+    steps = yaml.safe_load((pages / "project.yaml").read_text())["steps"]
+    shutil.copytree(pages / "recordings", folder / "recordings")
+    for name in ("car.yaml", "mapping.yaml"):
+        shutil.copy(pages / name, folder / name)
+    for name in ("check", "answers", "corrected"):
+        (folder / name).mkdir()
     monkeypatch.chdir(folder)
-    again, fixed = tmp_path / "again.json", tmp_path / "fixed.yaml"
-    words = ["--vehicle", "calibrated.yaml", "--calibration", "calibrated.json", "--quiet"]
-    assert main(["diagnose", "logs/tuesday", *words, "--json", str(again)]) == 0
-    answers = [json.loads(path.read_bytes()) for path in (again, Path("answers/tuesday.json"))]
-    for answer in answers:  # when, and for how long, it was computed
-        del answer["seconds"], answer["details"]["provenance"]["date"]
-    assert json.dumps(answers[0]) == json.dumps(answers[1])
-    assert main(["apply", "answers/tuesday.json", "--vehicle", "calibrated.yaml", "--out", str(fixed)]) == 0
-    assert fixed.read_bytes() == Path("corrected/tuesday.yaml").read_bytes()
-    assert fixed.read_bytes() == (tmp_path / "saved.yaml").read_bytes()
+    for name in ("import day 1", "import tuesday", "check day 1", "calibrate", "diagnose tuesday", "apply tuesday"):
+        assert main(shlex.split(steps[name]["command"])[1:]) == 0
+    written = [path.relative_to(folder) for path in folder.rglob("*") if path.is_file()]
+    assert len(written) >= 14
+    for path in written:
+        assert timeless(folder / path) == timeless(pages / path), path
+
+
+def timeless(path):
+    """A file's bytes without when, and for how long, it was computed."""
+    return TIMES.sub(b"", path.read_bytes())
 
 
 def columns(one):
@@ -101,10 +119,11 @@ def columns(one):
     page.get_by_text("The import would be refused").wait_for()
     page.get_by_role("button", name="Read r in deg/s").first.click()
     page.wait_for_function("document.querySelector('[aria-label=\"unit of r\"]')?.value == 'deg/s'")
-    page.get_by_label("wheelbase").fill("2.6")
-    page.keyboard.press("Enter")
-    page.get_by_label("steering ratio of delta_cmd").fill("15.2")
-    page.keyboard.press("Enter")
+    for label, value in (("wheelbase", "2.6"), ("steering ratio of delta_cmd", "15.2")):
+        page.get_by_label(label).click()  # which waits until rows are drawn: nobody types into one that is going
+        page.get_by_label(label).fill(value)
+        page.keyboard.press("Enter")
+        page.wait_for_timeout(500)
     page.get_by_role("button", name="Read beta in deg").first.click()
     page.get_by_text("nothing looks wrong").wait_for()
     for k, day in enumerate(("day 1", "tuesday")):

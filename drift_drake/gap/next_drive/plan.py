@@ -22,6 +22,7 @@ from drift_drake.car.internal_states import BEYOND
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.car.single_track.effects_step import EffectsStepModel
 from drift_drake.car.single_track.motion_with_effects import settled_internal_states
+from drift_drake.common.errors import significant
 from drift_drake.common.safe_files import write_table
 from drift_drake.drive.gathering.config import FEASIBLE, LaneDrive, bound_slip, problem_data
 from drift_drake.drive.mpc.discrimination import (
@@ -116,9 +117,9 @@ class NextDrive:
         more = f" (and from {', '.join(others)})" if others else ""
         return (
             f"{len(self.x[1:]) * DT:.1f} s from {self.x[0, 1]:.1f} to {self.x[-1, 1]:.1f} m/s{towards}, to distinguish "
-            f"{first} from {second}{more}: {second} is expected to fall behind by {self.nats[0, 1]:.3g} nats if "
-            f"{first} is true, {first} by {self.nats[1, 0]:.3g} if {second} is ({self.sigmas:.1f} sigma at the "
-            f"least), and the true one to have a probability of {self.after:.2f}, after {self.before:.2f} now."
+            f"{first} from {second}{more}: {second} is expected to fall behind by {significant(self.nats[0, 1])} nats "
+            f"if {first} is true, {first} by {significant(self.nats[1, 0])} if {second} is ({self.sigmas:.1f} sigma "
+            f"at the least), and the true one to have a probability of {self.after:.2f}, after {self.before:.2f} now."
         )
 
 

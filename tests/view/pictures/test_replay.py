@@ -131,6 +131,26 @@ def test_it_is_readable_in_the_dark_and_its_hidden_controls_are_out_of_the_way(p
     page.close()
 
 
+# How far a car's name is from where the car is drawn [px across], in the frame that is drawn next.
+OFF = """() => new Promise(done => {
+  const draw = viewer.render.bind(viewer);
+  viewer.render = () => {
+    draw();
+    const x = (0.5 + 0.5 * place(0).add(head).project(viewer.camera).x) * innerWidth;
+    if (viewer.animator.playing) done(Math.abs(parseFloat(labels[0].style.left) - x));
+  };
+})"""
+
+
+def test_names_go_with_the_cars_however_slowly_frames_are_drawn(perfect_run, tmp_path, browser):
+    path = replay({"real": perfect_run.iloc[:200]}, tmp_path / "r.html", camera="overview")
+    page = browser.new_page()
+    page.goto(path.as_uri())
+    page.wait_for_function("viewer.animator.playing && viewer.animator.time > 0.2")
+    assert page.evaluate(OFF) < 0.1
+    page.close()
+
+
 PLACES = """<script>setTimeout(() => {
   const height = i => (0.5 - 0.5 * place(i).project(viewer.camera).y) * innerHeight;
   parent.postMessage([element("panel").getBoundingClientRect().top, ...cars.map((_, i) => height(i))], "*");

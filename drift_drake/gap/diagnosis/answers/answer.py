@@ -208,7 +208,8 @@ def _removed(share: float | None) -> str:
 def _stated(name: str, m: Interval, at_least: bool = False) -> str:
     """A cause with its magnitude and interval, in words; one at the end of what is believed possible is a bound."""
     unit = CATALOGUE[name].suffix
-    numbers = [significant(q, significant_digits(m)) for q in (m.estimate, m.low, m.high)]
+    written = (float(f"{q:.6g}") for q in (m.estimate, m.low, m.high))  # an answer that is read again says the same
+    numbers = [significant(q, significant_digits(m)) for q in written]
     if at_least:
         return f"{name} of {numbers[0]}{unit} at {'most' if CATALOGUE[name].limit else 'least'}"
     return f"{name} {numbers[0]}{unit} (95 %: {numbers[1]} to {numbers[2]})"

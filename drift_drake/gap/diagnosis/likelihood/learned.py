@@ -179,7 +179,7 @@ def uncertain_regions(cells: dict[str, Any]) -> list[str]:
     deviation, count = np.array(cells["deviation"]), np.array(cells["count"])
     worst = np.argsort(-np.where(count > 0, deviation, 0.0), axis=None)[: min(MOST_REGIONS, int(np.sum(count > 0)))]
     return [
-        f"{speed[i]:.1f} to {speed[i + 1]:.1f} m/s and sideslip {sideslip[j]:.2f} to {sideslip[j + 1]:.2f} rad "
+        f"{speed[i]:.1f} to {speed[i + 1]:.1f} m/s and sideslip {sideslip[j]:.2g} to {sideslip[j + 1]:.2g} rad "
         f"({deviation[i, j]:.2f} noise levels, from {count[i, j]} of {count.sum()} samples)"
         for i, j in (np.unravel_index(flat, count.shape) for flat in worst)
     ]

@@ -170,8 +170,8 @@ class Scatter:
         return np.asarray(halves - halves[self.main])
 
     def log_densities(self, scores: np.ndarray) -> np.ndarray:
-        """Of scores less their mean [..., m] at each of the factors [K, ...], but for a constant."""
-        squared = np.einsum("...i,kij,...j->k...", scores, self.inverses, scores)
+        """Of scores less their mean [m] or [n, m] at each of the factors [K] or [K, n], but for a constant."""
+        squared = np.sum((scores @ self.inverses) * scores, axis=-1)
         return np.asarray(-0.5 * squared - self.sizes.reshape(-1, *[1] * (scores.ndim - 1)))
 
     def apart(self, share: float) -> "Scatter":

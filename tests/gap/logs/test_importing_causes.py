@@ -1,11 +1,14 @@
 """Import names the one cause: units that a mapping states wrongly, clocks, and a run that is given twice."""
 
+import re
+
 import numpy as np
 import pandas as pd
 import pytest
 from importing_bench import WHEELBASE, column_doubts, rows
 
 from drift_drake.cli.import_logs import summary
+from drift_drake.common.units import DIMENSIONS
 from drift_drake.gap.logs.importing.clocks import clock_doubts
 from drift_drake.gap.logs.importing.formats.files import InvalidRecordingError
 from drift_drake.gap.logs.importing.importer import import_recordings
@@ -30,6 +33,35 @@ def test_km_per_hour_mapped_as_mph_is_one_sentence(tmp_path):
     (remark,) = report.remarks
     assert "column v looks like km/h converted as if they were mph" in remark
     assert "give its unit as km/h in the mapping" in remark
+
+
+@pytest.mark.parametrize("others", ["ay", "ax", "ay beta", "ay psi", "omega_r ay"])
+@pytest.mark.parametrize(("true", "unit"), [("km/h", "mph"), ("km/h", "kn"), ("mph", "m/s")])
+def test_a_unit_is_named_before_scales_that_no_unit_has(tmp_path, others, true, unit):
+    table = pd.DataFrame(rows(noise=1.0))
+    table["v"] /= DIMENSIONS["speed"][1][true]
+    _, report = imported(tmp_path, table, ("r", "v", "delta_cmd", *others.split()), v=unit)
+    assert f"column v looks like {true}" in report.remarks[0]
+    assert f"give its unit as {true} in the mapping" in report.remarks[0]
+
+
+def test_a_scale_that_no_unit_has_is_named_as_such(tmp_path):
+    table = pd.DataFrame(rows(noise=1.0))
+    table["v"] *= 1.3 * 3.6
+    _, report = imported(tmp_path, table, ("r", "v", "delta_cmd", "ay", "psi"), v="km/h")
+    assert re.search(r"column v reads 3[01] % too large", report.remarks[0])
+
+
+@pytest.mark.parametrize("unit", ["mph", "m/s"])
+def test_speeds_that_have_one_wrong_unit_are_named_together(tmp_path, unit):
+    table = pd.DataFrame(rows(noise=1.0))
+    for name in ("v", "omega_r"):
+        table[name] *= 3.6
+    units = {"v": unit, "omega_r": unit}
+    _, report = imported(tmp_path, table, ("r", "v", "delta_cmd", "omega_r", "psi", "ax", "ay"), **units)
+    assert len(report.remarks) == 2
+    for name, remark in zip(("v", "omega_r"), report.remarks, strict=True):
+        assert f"column {name} looks like km/h" in remark
 
 
 def test_a_clock_in_us_read_as_ns_is_the_cause(tmp_path):

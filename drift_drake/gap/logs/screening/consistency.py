@@ -29,7 +29,7 @@ from drift_drake.gap.logs.screening.relations import KINDS, Kind, Relation, Wind
 from drift_drake.gap.logs.screening.steering import held_doubts, ratio_doubts, reach_doubts
 from drift_drake.gap.logs.screening.suspicions import Suspicion, contradictions
 from drift_drake.gap.logs.screening.timing import late_columns, on_one_clock
-from drift_drake.gap.logs.screening.unit_mistakes import mistakes
+from drift_drake.gap.logs.screening.unit_mistakes import Mistake, mistakes
 
 ASKED = ("r", "psi", "v", "beta", "omega_r", "ax", "ay", "delta_cmd")  # columns that others could check
 SCALED = ("r", "v")  # whose scale other columns tell to a few per cent, if a log is long enough
@@ -106,7 +106,10 @@ def consistency(
     doubts += wrong
     m = motion_of_columns(right, periods)
     without = [column for column in {*bad, *(doubt.column for doubt in (*wrong, *moved))} if column is not None]
-    doubts += _fine(right, periods, m, vehicle, length, without, commands)
+    units = [
+        one for one in mistakes(vehicle, stated) if stated and set(one.columns) <= set(stated) and one.low == one.high
+    ]
+    doubts += _fine(right, periods, m, vehicle, length, without, commands, units)
     constant = set_speed(right, m)
     doubts += [Suspicion(constant, "v", None, constant)] if constant else []
     steer = next((at.size for at in held if at.name == "steer"), 1.0)
@@ -158,15 +161,16 @@ def _period(period: float, doubts: Sequence[Suspicion]) -> float:
 
 def _fine(
     runs: Sequence[Columns], periods: Sequence[float], m: Kinematics, vehicle: VehicleParameters | None,
-    length: float | None, without: Sequence[str], late: Sequence[Suspicion],
+    length: float | None, without: Sequence[str], late: Sequence[Suspicion], units: Sequence[Mistake],
 ) -> list[Suspicion]:  # fmt: skip
     """What is asked once units and signs are right: scales, biases, points of measurement, commands.
 
-    late: of commands on another clock, which a mistake of a column in `TIMED` could explain.
+    late: of commands on another clock, which a mistake of a column in `TIMED` could explain; units: mistakes of the
+    units that a mapping states.
     """
     if not len(m.r):
         return []
-    scales = scale_doubts(m, without)
+    scales = scale_doubts(m, without, units)
     bad = [*without, *(doubt.column for doubt in scales if doubt.column is not None)]
     doubts = scales + bias_doubts(m, bad)
     if not {"v", "r", "omega_r"} & set(bad):

@@ -9,6 +9,7 @@ import numpy as np
 from drift_drake.gap.logs.screening.gains import Bounds, coefficients, gain, mean
 from drift_drake.gap.logs.screening.kinematics import Kinematics
 from drift_drake.gap.logs.screening.suspicions import Suspicion
+from drift_drake.gap.logs.screening.unit_mistakes import Mistake
 
 MARGIN = 0.03  # of a gain: sensors' scales are that good, and sensors' axes are aligned that well
 SIDEWAYS = 0.12  # of a rim's speed, where the sideslip is not known: half a radian makes as much
@@ -115,11 +116,11 @@ def _rolling(m: Kinematics) -> Bounds | None:
     return None if found is None else found[0]
 
 
-def scale_doubts(m: Kinematics, without: Sequence[str] = ()) -> list[Suspicion]:
+def scale_doubts(m: Kinematics, without: Sequence[str] = (), units: Sequence[Mistake] = ()) -> list[Suspicion]:
     """Columns whose scales are off: the one that explains most first, the relations that it explains folded under it.
 
     Args:
-        without: columns that are in doubt already.
+        without: columns that are in doubt already; units: mistakes of one size that explain a scale better than chance.
     """
     found = [at for at in agreements(m) if not set(at.powers) & set(without)]
     doubts = []
@@ -127,7 +128,7 @@ def scale_doubts(m: Kinematics, without: Sequence[str] = ()) -> list[Suspicion]:
         wrong = [at for at in found if at.conflicts()]
         if not wrong:
             break
-        fixes = list(_fixes(found, wrong))
+        fixes = list(_fixes(found, wrong, units))
         if not fixes:
             worst = max(wrong, key=lambda at: abs(math.log(at.gain.middle)))
             doubts.append(Suspicion(f"{_said(worst)}: check the scales of {', '.join(worst.powers)}", None, None,
@@ -135,17 +136,20 @@ def scale_doubts(m: Kinematics, without: Sequence[str] = ()) -> list[Suspicion]:
             found.remove(worst)
             continue
         best = max(score for score, *_ in fixes)
-        rivals = [(columns, factor) for score, columns, factor in fixes if score == best]
-        columns, factor = rivals[0]
+        rivals = sorted((fix for fix in fixes if fix[0] == best), key=lambda fix: fix[3] is None)  # a unit first
+        _, columns, factor, unit = rivals[0]
         explained = [at for at in wrong if at.power(columns) and not at.conflicts(columns, factor)]
-        doubts += _doubts(columns, factor, explained, rivals[1:])
+        doubts += _doubts(columns, factor, explained, [fix[1:3] for fix in rivals[1:]], unit)
         found = [dataclasses.replace(at, gain=at.gain.over(factor ** at.power(columns))) for at in found]
         found = [at for at in found if not at.conflicts() or at not in explained]
     return doubts
 
 
-def _fixes(found: Sequence[Compared], wrong: Sequence[Compared]) -> Iterator[tuple[int, tuple[str, ...], float]]:
-    """Columns with the factor that they are too large by: how many relations agree more once it is taken out."""
+def _fixes(
+    found: Sequence[Compared], wrong: Sequence[Compared], units: Sequence[Mistake]
+) -> Iterator[tuple[int, tuple[str, ...], float, Mistake | None]]:
+    """Columns with the factor that they are too large by, and the unit that has it: how many relations agree more once
+    it is taken out. A unit that both columns have is as simple as one column's scale."""
     for columns in CANDIDATES:
         touched = [at for at in wrong if at.power(columns)]
         if not touched or not all(any(column in at.powers for at in found) for column in columns):
@@ -153,9 +157,13 @@ def _fixes(found: Sequence[Compared], wrong: Sequence[Compared]) -> Iterator[tup
         tight = min(touched, key=lambda at: math.log(at.gain.high / max(at.gain.low, 1e-6)))
         factor = tight.gain.middle ** (1.0 / tight.power(columns))
         after = sum(at.conflicts(columns, factor) for at in found)
+        named = [one for one in units if one.columns == columns
+                 and sum(at.conflicts(columns, one.low) for at in found) <= after]  # fmt: skip
+        unit = min(named, key=lambda one: abs(math.log(one.low / factor)), default=None)
         gained = len(wrong) - after
         if gained > 0:
-            yield 2 * gained - (len(columns) - 1), columns, factor
+            apart = 0 if unit is not None else len(columns) - 1
+            yield 2 * gained - apart, columns, factor if unit is None else unit.low, unit
 
 
 def _said(at: Compared) -> str:
@@ -163,11 +171,9 @@ def _said(at: Compared) -> str:
 
 
 def _doubts(
-    columns: tuple[str, ...],
-    factor: float,
-    explained: Sequence[Compared],
-    rivals: Sequence[tuple[tuple[str, ...], float]],
-) -> list[Suspicion]:
+    columns: tuple[str, ...], factor: float, explained: Sequence[Compared],
+    rivals: Sequence[tuple[tuple[str, ...], float]], unit: Mistake | None,
+) -> list[Suspicion]:  # fmt: skip
     evidence = "; ".join(_said(at) for at in explained)
     names = " and ".join(NAMES.get(column, f"column {column}") for column in columns)
     size = f"{100.0 * abs(factor - 1.0):.2g} % too {'large' if factor > 1.0 else 'small'}"
@@ -175,6 +181,9 @@ def _doubts(
     others = [f"{' and '.join(NAMES.get(c, c) for c in other)} {100.0 * abs(q - 1.0):.2g} % too "
               f"{'large' if q > 1.0 else 'small'}" for other, q in rivals]  # fmt: skip
     either = f"; or {', or '.join(others)}" if others else ""
+    if unit is not None:
+        return [Suspicion(f"column {column} looks like {unit.looks_like} ({evidence}){either}: {unit.remedy}", column,
+                          factor, evidence) for column in columns]  # fmt: skip
     tilted = {"ax", "ay"} & set(columns)
     tilt = ", or let for the body's roll and pitch, which add gravity to it" if tilted else ""
     sentence = f"{names} {verb} {size} ({evidence}){either}: divide its scale by {factor:.3g} in the mapping{tilt}"

@@ -99,8 +99,8 @@ def _scaled(found: Sequence[Relation], known: Sequence[Mistake]) -> tuple[list[S
     ranked = []
     for mistake in known:
         touched = [relation for relation in found if _power(relation, mistake) != 0]
-        # Every column of the mistake has to be seen.
-        if not all(any(column in relation.kind.powers for relation in touched) for column in mistake.columns):
+        # Every column of the mistake has to be seen, if only to agree with another one that has it too.
+        if not touched or not all(any(column in at.kind.powers for at in found) for column in mistake.columns):
             continue
         size = _best_size(mistake, touched)
         changes = dict.fromkeys(mistake.columns, size)
@@ -146,11 +146,14 @@ def _cost(found: Sequence[Relation], changes: dict[str, float]) -> float:
 def _suspicion(
     column: str, mistake: Mistake, size: float, found: Sequence[Relation], rivals: Sequence[Mistake]
 ) -> Suspicion:
-    witnesses = [relation for relation in found if column in relation.kind.powers and abs(relation.off) > SUSPECT]
+    off = [relation for relation in found if abs(relation.off) > SUSPECT]
+    witnesses = [relation for relation in off if column in relation.kind.powers] or [  # else of what it goes along with
+        relation for relation in off if _power(relation, mistake)
+    ]
     evidence = "; ".join(f"{relation.kind.says} is {relation.size:.3g}" for relation in witnesses)
     seen = [relation for relation in witnesses if len(mistake.columns) == 1 or _power(relation, mistake)]
     measured = min(seen or witnesses or found, key=lambda relation: relation.kind.tolerance)
-    power = measured.kind.powers.get(column, 1)
+    power = _power(measured, mistake) or measured.kind.powers.get(column, 1)
     says = "an engine behind gear_ratio gives" if column == "tau_cmd" else "other columns say"
     times = f"{measured.size ** (1.0 / power):.3g} times what {says}"
     what = "the clock t" if column == "t" else f"column {column}"

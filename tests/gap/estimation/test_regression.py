@@ -92,7 +92,7 @@ def test_equations_of_shared_weights_add_up():
 
 
 def test_rounding_does_not_take_the_information_below_the_priors():
-    """A direction that a weak prior alone holds, beside one of 1e13 times its information: the rest is rounding."""
+    """A direction that a weak prior alone holds, next to one of 1e13 times its information: the rest is rounding."""
     prior = np.array([1.0, 1e-6])
     matrix = np.array([[1.0 + 1e13, 1e6 * np.sqrt(1e13)], [1e6 * np.sqrt(1e13), 1e12]])
     matrix[1, 1] -= 1.0  # beyond what is left of 1e-6

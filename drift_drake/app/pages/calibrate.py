@@ -52,10 +52,10 @@ def calibrate_page(project: Project, _readings: Recordings, jobs: Jobs, data: di
     with section("Measured against both cars"):
         text("p", "The simulated cars are put back onto the real one every second. Drag in the picture to zoom, double "
              "click to see all.", "note")  # fmt: skip
-        place, fitted = box("div"), stages.baseline(project, data)
+        fitted, buttons, place = stages.baseline(project, data), box("div"), box("div")
         for day in project.days(data):
             names = project.names(day)
-            with box("div", "run"):
+            with buttons, box("div", "run"):
                 text("span", f"{day}, {'calibrated on' if day in fitted else 'for validation: not calibrated on'}:")
                 for path in project.runs(day):
                     name = path.name.split(".")[0]
@@ -98,4 +98,4 @@ async def _predict(project: Project, path: str, data: dict[str, Any], place: Any
             return
         text("h3", path)
         Chart(found.panels, f"{path}: measured and predicted")
-        text("pre", found.sentence)
+        text("pre", found.sentence, "wide")

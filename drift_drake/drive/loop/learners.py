@@ -6,7 +6,6 @@ from pydrake.systems.framework import DiagramBuilder, LeafSystem, OutputPort, Sy
 
 from drift_drake.car.step_model import StepModel
 from drift_drake.drive.learnt.adapter import BayesianAdapter
-from drift_drake.drive.learnt.command_lag import CommandLag
 from drift_drake.drive.mpc.controller import Controller, MpcController
 from drift_drake.drive.mpc.tightening import LaneTightening
 
@@ -80,7 +79,7 @@ class Learners(NamedTuple):
         """Adds the observer of the model's own states, for a model that has any; `ports`: that it may ask for."""
         observer: LeafSystem | None
         if self.adapter is not None:
-            observer = CommandLag(controller.period, self.adapter.lags)
+            observer = self.adapter.observer(controller.period)
         else:
             observer = None if self.model is None else self.model.observer(controller.period)
         if observer is None:

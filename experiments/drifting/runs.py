@@ -40,7 +40,15 @@ from drift_drake.drive.learnt.posterior import Posterior
 from drift_drake.drive.learnt.quality import step_model
 from drift_drake.drive.loop.closed_loop import ClosedLoop, ControlConfig
 from drift_drake.drive.reference.trajectory import Reference, figure_8, loops
-from drift_drake.gap.choose.choice import SURPRISED, Choice, Familiar, Findings, usual_error, usual_surprise
+from drift_drake.gap.choose.choice import (
+    SURPRISED,
+    Choice,
+    Familiar,
+    Findings,
+    hybrid_limit,
+    usual_error,
+    usual_surprise,
+)
 from drift_drake.gap.choose.identified import IdentifiedCar
 from experiments.benchmarks.vehicles import Population, draw_effects
 from experiments.gathering.beliefs import ASKED, Attempt, Taught, gather_all
@@ -189,10 +197,8 @@ def closed_loop(job: DriveJob) -> ClosedLoop:
         if known is None or believes.car is None:
             model = step_model(believes.model, believes.belief, believes.path_step)
         else:
-            model, errors = (
-                HybridStepModel(believes.model, believes.belief.mean, known),
-                sensor_errors(believes.car.effects),
-            )
+            model = HybridStepModel(believes.model, believes.belief.mean, known)
+            errors = sensor_errors(believes.car.effects)
         # A belief that stays as it is needs no adapter, unless its covariance is asked for.
         if believes.adapting or control.tightening > 0.0:
             lags = BANK if believes.lags else None
@@ -291,10 +297,8 @@ class Believing(NamedTuple):
 
     def _of_drives(self, model: Model, taught: Taught, labels: dict[str, Any]) -> tuple[dict[str, Any], Believes]:
         """The same of a car that drives identify; `varied` where none was, or none is believed."""
-        hybrid = load_hybrid()
-        usual = usual_surprise(hybrid)
-        choice = Choice(taught.findings.get(BELIEFS[model], Findings(None)), usual_error().limit(),
-                        0.0 if usual is None else usual.limit(SURPRISED))  # fmt: skip
+        hybrid, found = load_hybrid(), taught.findings.get(BELIEFS[model], Findings(None))
+        choice = Choice(found, usual_error().limit(), hybrid_limit())
         car = choice.found.car
         labels |= {
             "identified_error": choice.found.error, "surprise": choice.found.surprise, "believed": choice.believed,

@@ -32,7 +32,7 @@ from drift_drake.common.standard_output import Progress
 from drift_drake.drive.learnt.checkpoint import BayesianModel
 from drift_drake.drive.learnt.hybrid_step import hybrid_samples, load_hybrid
 from drift_drake.drive.learnt.quality import squared_distances
-from drift_drake.drive.learnt.samples import concatenate
+from drift_drake.drive.learnt.samples import Samples, concatenate
 from drift_drake.gap.choose.identified import BIASES, ONE_MORE, IdentifiedCar, identified, identified_double_track
 from drift_drake.gap.choose.usable_drives import LIVELY, asked_parts, check_drives, liveliness
 from drift_drake.gap.estimation.windows import WindowedRun, forecast_error, windowed
@@ -135,8 +135,7 @@ def ask(runs: Sequence[Run], first_guess: PlantParameters, progress: Progress | 
     car = identified(runs, vehicle)
     error = car_error(car, judged)
     found = Findings(car, error, doubtful, as_it_is=error)
-    usual = usual_surprise(load_hybrid())
-    surprise_limit = 0.0 if usual is None else usual.limit(SURPRISED)
+    surprise_limit = hybrid_limit()
     if found.doubts or error <= limit:
         tell("done", 1.0)
         return Choice(found, limit, surprise_limit, tuple(remarks))
@@ -154,12 +153,10 @@ def ask(runs: Sequence[Run], first_guess: PlantParameters, progress: Progress | 
 
 def surprise_of(runs: Sequence[Run], car: IdentifiedCar) -> float:
     """What a car leaves over in runs, as the mean squared distance from the hybrid model's prior, sample by sample."""
-    model, step = load_hybrid(), car.step_model()
-    tables = [
-        pd.DataFrame({name: run.column(name) for name in COLUMNS if run.column(name) is not None}) for run in runs
-    ]
-    samples = [hybrid_samples(table.assign(e=0.0, dphi=0.0), None, 0, i, step, model.vehicle)[0]
-               for i, table in enumerate(tables)]  # fmt: skip
+    model, step, samples = load_hybrid(), car.step_model(), list[Samples]()
+    for number, run in enumerate(runs):
+        table = pd.DataFrame({name: run.column(name) for name in COLUMNS if run.column(name) is not None})
+        samples += hybrid_samples(table.assign(e=0.0, dphi=0.0), None, 0, number, step, model.vehicle)
     return float(np.mean(squared_distances(model, model.prior(), concatenate(samples))))
 
 
@@ -239,6 +236,12 @@ def usual_surprise(model: BayesianModel, path: Path | None = None) -> Familiar |
     """
     found = stored(path)[SURPRISE].get(model.content_hash())
     return None if found is None else Familiar(**found)
+
+
+def hybrid_limit() -> float:
+    """The surprise up to which the shipped hybrid model may drive; 0 where nobody has asked what is usual for it."""
+    usual = usual_surprise(load_hybrid())
+    return 0.0 if usual is None else usual.limit(SURPRISED)
 
 
 def stored(path: Path | None) -> dict[str, dict[str, Any]]:

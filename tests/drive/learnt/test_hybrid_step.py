@@ -27,7 +27,7 @@ from drift_drake.drive.learnt.hybrid_step import (
     load_hybrid,
 )
 from drift_drake.drive.learnt.quality import learn
-from drift_drake.drive.loop.closed_loop import ClosedLoop
+from drift_drake.drive.loop.closed_loop import ClosedLoop, ControlConfig
 from drift_drake.drive.loop.endings import RunLimits
 from drift_drake.drive.reference.trajectory import figure_8
 
@@ -142,6 +142,17 @@ def test_an_adapter_in_the_loop_learns_what_the_functions_learn_of_its_log() -> 
     assert np.abs((found.mean - expected.mean) / deviation).max() < 0.1
     again = loop.run(loop.initial_context(seed=0), RunLimits(time_factor=0.05))
     assert again.table["delta"].equals(run.table["delta"])
+
+
+def test_a_model_and_an_adapter_of_two_cars_are_refused() -> None:
+    learnt, reference = load_hybrid(), figure_8(CAR)
+    model, other = HybridStepModel(learnt, learnt.prior_mean, single()), BayesianAdapter(learnt, car=single())
+    for adapter in (other, BayesianAdapter(learnt)):
+        with pytest.raises(ValueError, match=r"of another car than the model: give both the same"):
+            ClosedLoop(CAR, reference, model, adapter=adapter)
+    with pytest.raises(ValueError, match="not tightened for a hybrid model"):
+        ClosedLoop(CAR, reference, model, adapter=BayesianAdapter(learnt, car=model.car),
+                   control=ControlConfig(tightening=1.0))  # fmt: skip
 
 
 def test_the_shipped_models_of_many_structures_are_whole() -> None:

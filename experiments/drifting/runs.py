@@ -198,7 +198,7 @@ def closed_loop(job: DriveJob) -> ClosedLoop:
             model = step_model(believes.model, believes.belief, believes.path_step)
         else:
             model = HybridStepModel(believes.model, believes.belief.mean, known)
-            errors = sensor_errors(believes.car.effects)
+            errors, control = sensor_errors(believes.car.effects), dataclasses.replace(control, tightening=0.0)
         # A belief that stays as it is needs no adapter, unless its covariance is asked for.
         if believes.adapting or control.tightening > 0.0:
             lags = BANK if believes.lags else None

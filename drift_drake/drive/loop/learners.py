@@ -99,7 +99,7 @@ class Learners(NamedTuple):
 
 
 def check_planner(learners: Learners, controller: Controller | System | None) -> None:
-    """Raises ValueError unless one thing alone plans: a model (with an adapter of its own or without) or a controller."""
+    """Raises ValueError unless one thing alone plans: a model (with its adapter or without) or a controller."""
     if (learners.model is None) == (controller is None):
         raise ValueError("give a model for the predictive controller, or a controller of your own, and not both")
     if controller is not None and learners.adapter is not None:
@@ -107,5 +107,5 @@ def check_planner(learners: Learners, controller: Controller | System | None) ->
     car = learners.model.car if isinstance(learners.model, HybridStepModel) else None
     if learners.adapter is not None and learners.adapter.car is not car:
         raise ValueError(
-            "the adapter is of another car than the model: give both the same, BayesianAdapter(..., car=car)"
+            "the adapter is of another car than the model: give both the same, BayesianAdapter(.., car=car)"
         )

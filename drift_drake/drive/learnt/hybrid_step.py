@@ -31,7 +31,11 @@ def load_hybrid(path: str | Path | None = None) -> BayesianModel:
     """The features, prior and noise of what identified cars leave over; without a path, those shipped.
 
     Raises:
-        InvalidCheckpointError: names the file and the remedy.
+        InvalidCheckpointError: names the file and the remedy; InvalidVehicleError: of the vehicle in it.
+
+    Examples:
+        >>> load_hybrid().sigma.shape
+        (4,)
     """
     return load_model(shipped("hybrid_model.npz") if path is None else path)
 
@@ -102,10 +106,17 @@ class HybridStepModel(StepModel):
 
     The learnt part moves the four learnt states at the step's end; the path coordinates follow as if it had grown
     evenly over the step. The car's internal states are the car's own.
+
+    Examples:
+        >>> learnt, identified = load_hybrid(), EffectsStepModel(car, make_effects({"steering_lag": 0.05}))
+        >>> model = HybridStepModel(learnt, learnt.prior_mean, identified)
+        >>> loop = ClosedLoop(car, reference, model, adapter=BayesianAdapter(learnt, car=identified))
     """
 
     def __init__(self, model: BayesianModel, theta: Array, car: RememberingStepModel) -> None:
-        """Args: theta: last-layer parameters [4, 16]; car: h."""
+        """Args:
+        model: features of what identified cars leave over; theta: last-layer parameters [4, 16]; car: h.
+        """
         self.car, self.dt, self.internal_scale = car, car.dt, car.internal_scale
         self._mean = MeanFunction(model.with_lag(lags_of(car)).network, theta)
         self._offset = np.zeros(STATE_COUNT)

@@ -28,6 +28,8 @@ from .drive.gathering.plan import plan_drive as plan_drive
 from .drive.learnt.adapter import BayesianAdapter as BayesianAdapter
 from .drive.learnt.checkpoint import BayesianModel as BayesianModel
 from .drive.learnt.checkpoint import load_model as load_model
+from .drive.learnt.hybrid_step import HybridStepModel as HybridStepModel
+from .drive.learnt.hybrid_step import load_hybrid as load_hybrid
 from .drive.learnt.lag_bank import learn_with_lags as learn_with_lags
 from .drive.learnt.posterior import Posterior as Posterior
 from .drive.learnt.quality import learn as learn

@@ -57,7 +57,8 @@ def run_choose(command: Choose) -> None:
         print(f"{command.out}: {said}", file=said_to(command.json))
     write_results(command.json, {
         "believed": choice.believed, "forecast_error": choice.found.error, "limit": choice.limit,
-        "doubts": choice.found.doubts, "beyond": choice.beyond, "remarks": choice.remarks,
+        "surprise": choice.found.surprise, "doubts": choice.found.doubts, "beyond": choice.beyond,
+        "remarks": choice.remarks,
         "tracks": car and (1 if isinstance(car.vehicle, VehicleParameters) else 2),
         "vehicle": car and car.vehicle, "effects": car and magnitudes_of(car.effects),
     })  # fmt: skip

@@ -25,10 +25,11 @@ class DriveOptions:
     with the double-track plant, the single-track car nearest to it."""
     plant: Literal["single_track", "double_track"] = "single_track"
     """The true car: the vehicle file's, or a coupe on four tyres with a single-track vehicle file's effects."""
-    model: Literal["nominal", "known", "prior", "online", "offset_free"] = "nominal"
+    model: Literal["nominal", "known", "prior", "online", "offset_free", "varied"] = "nominal"
     """The controller's model: the vehicle file without its effects (nominal), or with those that it can plan with
     (known); or the shipped learnt model, of cars like the default coupe, without adaptation (prior), adapting while it
-    drives, the actuators' lags too (online), or adapting with an estimated offset (offset_free)."""
+    drives, the actuators' lags too (online), with an estimated offset too (offset_free), or so with the
+    prior of cars of many structures (varied)."""
     radius: float | None = None
     """Radius of the circles [m]; if not given, 18 m for the default coupe. Other cars' lengths are in proportion to the
     wheelbase, and speeds to its root."""

@@ -23,8 +23,8 @@ from drift_drake.cli.drive import DriveOptions
 from drift_drake.common.errors import InvalidOptionError
 from drift_drake.common.run_folder import make_run_folder, write_json, write_versions
 from drift_drake.common.safe_files import write_figure, write_table, write_text
-from drift_drake.drive.learnt.adapter import OFFSET_TIME, BayesianAdapter
-from drift_drake.drive.learnt.checkpoint import load_model
+from drift_drake.drive.learnt.adapter import OFFSET_TIMES, BayesianAdapter
+from drift_drake.drive.learnt.checkpoint import load_model, load_varied
 from drift_drake.drive.learnt.lag_bank import BANK
 from drift_drake.drive.learnt.quality import step_model
 from drift_drake.drive.loop.closed_loop import ClosedLoop, ClosedLoopRun, ControlConfig
@@ -95,9 +95,9 @@ def build(config: ClosedLoopConfig) -> ClosedLoop:
     if config.model == "known":
         model, errors = known_car_model(car, effects, dt), sensor_errors(effects)
     elif config.model != "nominal":
-        learnt = load_model()
+        learnt = load_varied() if config.model == "varied" else load_model()
         model = step_model(learnt, learnt.prior())
-        offset_time = OFFSET_TIME if config.model == "offset_free" else None
+        offset_time = OFFSET_TIMES.get(config.model)
         adapter = BayesianAdapter(learnt, offset_time=offset_time, lags=BANK) if config.model != "prior" else None
     plant = DoubleTrackPlant(car, effects, reference.path) if isinstance(car, DoubleTrackParameters) else None
     faults = [parse_fault(text) for text in config.fault]
@@ -106,7 +106,7 @@ def build(config: ClosedLoopConfig) -> ClosedLoop:
         watch = GapWatch(make_monitor(parameters, used=WATCHED, period=config.control.period), config.monitor)
     if config.monitor == "forget" and adapter is None:
         raise InvalidOptionError(
-            "--monitor forget is for a model that learns (online or offset_free); choose watch or slow"
+            "--monitor forget is for a model that learns (online, offset_free or varied); choose watch or slow"
         )
     if config.monitor in CORRECTING:
         if config.model != "nominal":

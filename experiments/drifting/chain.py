@@ -28,7 +28,9 @@ from drift_drake.common.threads import one_blas_thread
 from drift_drake.drive.gathering.config import GatheringConfig, lane
 from drift_drake.drive.gathering.gather import gather, learn_drive
 from drift_drake.drive.gathering.plan import InfeasiblePlanError, plan_again, plan_drive
-from drift_drake.drive.learnt.checkpoint import BayesianModel, load_model
+from drift_drake.drive.learnt.adapter import OFFSET_TIMES
+from drift_drake.drive.learnt.checkpoint import BayesianModel, load_model, load_varied
+from drift_drake.drive.learnt.hybrid_step import load_hybrid
 from drift_drake.drive.loop.closed_loop import ClosedLoopRun, ControlConfig
 from drift_drake.gap.choose.choice import Choice, ask
 from drift_drake.gap.choose.identified import runs_of
@@ -78,12 +80,18 @@ def gathered(car: TrueCar, learnt: BayesianModel, config: ChainConfig) -> list[p
     return tables
 
 
-def believed(choice: Choice, learnt: BayesianModel, config: ChainConfig) -> tuple[str, Believes]:
+def believed(choice: Choice, config: ChainConfig) -> tuple[str, Believes]:
     """(what drives, in words; the same for a `DriveJob`)."""
     car = choice.found.car
     if car is not None and "identified" in (config.model, choice.believed) and config.model != "adapting":
         return car.name, car
-    return "the learnt model, adapting", Learnt(learnt, learnt.prior(), adapting=True, lags=True)
+    if car is not None and choice.believed == "hybrid" and config.model == "chosen":
+        hybrid = load_hybrid()
+        return f"{car.name} and what it leaves over", Learnt(hybrid, hybrid.prior(), adapting=True, car=car)
+    varied = load_varied()
+    offset_time = OFFSET_TIMES["varied"]
+    believes = Learnt(varied, varied.prior(), adapting=True, offset_time=offset_time, lags=True)
+    return "the learnt model of many structures, adapting", believes
 
 
 def drifted(car: TrueCar, believes: Believes, config: ChainConfig) -> dict[Maneuver, ClosedLoopRun]:
@@ -118,7 +126,7 @@ def main(config: ChainConfig) -> None:
     car = true_car(config.plant, config.vehicle, config.vehicle_seed)
     drives = runs_of(gathered(car, learnt, config))
     choice = ask(drives, VehicleParameters())
-    name, believes = believed(choice, learnt, config)
+    name, believes = believed(choice, config)
     runs = drifted(car, believes, config)
     drifts = [dataclasses.replace(run, name=maneuver) for maneuver, run in
               zip(MANEUVERS, runs_of([as_logged(runs[m].table) for m in MANEUVERS]), strict=True)]  # fmt: skip

@@ -4,10 +4,12 @@ Models: `nominal` (the nominal car), `prior` (the learnt model, not adapted), `o
 (adapted beforehand on one drive planned by OCP, on one and on two planned by Info-OCP), `online` (the prior, adapting
 while it drives, the actuators' lags too), `offset_free` (the same, and what is left over taken for an offset),
 `twice_online` (Twice-Info, adapting while it drives), `identified` (the car that Twice-Info's two drives identify),
-`chosen` (the identified car where it predicts these drives as is usual, else `online`), `chosen_once` (the same after
-the first of the two drives) and `oracle` (the true car with its true effects). All else, the MPC's weights too, is the
-same for all of them. What is gathered of a vehicle is gathered once for each noise seed, and shared by the models that
-need it.
+`varied` (as `offset_free`, with
+the prior of cars of many structures), `hybrid` (the identified car and, adapting while it drives, what it leaves over),
+`chosen` (of identified, hybrid and varied what these drives allow, `gap.choose`), `chosen_once` (the same after the
+first of the two drives) and `oracle` (the true car with its true effects). All else, the MPC's weights too, is the same
+for all of them. What is gathered of a vehicle is gathered once for each noise seed, and shared by the models that need
+it.
 """
 
 import dataclasses
@@ -29,34 +31,42 @@ from drift_drake.common.errors import InvalidOptionError, meant
 from drift_drake.common.executors import ExecutorConfig, run_jobs
 from drift_drake.common.run_folder import is_done, make_run_folder, write_json
 from drift_drake.common.safe_files import write_table
-from drift_drake.drive.learnt.adapter import DEFAULT_THRESHOLD, OFFSET_TIME, BayesianAdapter
+from drift_drake.drive.learnt.adapter import DEFAULT_THRESHOLD, OFFSET_TIMES, BayesianAdapter
 from drift_drake.drive.learnt.bayesian_step import PathStep
-from drift_drake.drive.learnt.checkpoint import BayesianModel, load_model
+from drift_drake.drive.learnt.checkpoint import BayesianModel, load_model, load_varied
+from drift_drake.drive.learnt.hybrid_step import HybridStepModel, load_hybrid
 from drift_drake.drive.learnt.lag_bank import BANK
 from drift_drake.drive.learnt.posterior import Posterior
 from drift_drake.drive.learnt.quality import step_model
 from drift_drake.drive.loop.closed_loop import ClosedLoop, ControlConfig
 from drift_drake.drive.reference.trajectory import Reference, figure_8, loops
-from drift_drake.gap.choose.choice import Choice, Familiar, Findings, usual_error
+from drift_drake.gap.choose.choice import (
+    SURPRISED,
+    Choice,
+    Familiar,
+    Findings,
+    hybrid_limit,
+    usual_error,
+    usual_surprise,
+)
 from drift_drake.gap.choose.identified import IdentifiedCar
 from experiments.benchmarks.vehicles import Population, draw_effects
 from experiments.gathering.beliefs import ASKED, Attempt, Taught, gather_all
-from experiments.gathering.familiar import SURPRISED, usual_surprise
 from experiments.gathering.recipe import Extra, Recipe
 from experiments.made import RunConfig, SpreadConfig
 from experiments.other_worlds.true_cars import TrueCar, World, effects_in, oracle, true_car, true_plant
 from experiments.settings import keep_settings
 
 Model = Literal["nominal", "prior", "once_ocp", "once_info", "twice_info", "online", "offset_free",
-                "twice_online", "identified", "chosen", "chosen_once", "oracle"]  # fmt: skip
+                "twice_online", "varied", "hybrid", "identified", "chosen", "chosen_once", "oracle"]  # fmt: skip
 Maneuver = Literal["figure_8", "loops"]
 
 BELIEFS: dict[str, str] = {
     "once_ocp": "once_ocp", "once_info": "once_info", "twice_info": "twice_info", "twice_online": "twice_info",
-    "identified": "identified", "chosen": "identified", "chosen_once": "identified_once",
+    "identified": "identified", "hybrid": "identified", "chosen": "identified", "chosen_once": "identified_once",
 }  # fmt: skip
-ADAPTING = ("online", "offset_free", "twice_online")
-LEARNING_LAGS = ("online", "offset_free")  # while driving; the others have them from their gathering
+ADAPTING = ("online", "offset_free", "twice_online", "varied")
+LEARNING_LAGS = ("online", "offset_free", "varied")  # while driving; the others have them from their gathering
 OFF: dict[Extra, dict[str, Any]] = {
     "screening": {"screening": False}, "fresh_guesses": {"fresh_guesses": False}, "delay": {"delay": 0.0},
     "safe_stop": {"patience": 0.0}, "interior_point": {"qp": "osqp", "osqp_iterations": 200}, "gate": {},
@@ -144,6 +154,7 @@ class Learnt(NamedTuple):
     offset_time: float | None = None  # [s] of the adapter's offset
     lags: bool = False  # the actuators' lags are learnt as it drives
     gate: float = DEFAULT_THRESHOLD  # of the adapter's samples
+    car: IdentifiedCar | None = None  # inside h of a hybrid model
 
 
 Believes = Literal["nominal", "oracle"] | Learnt | IdentifiedCar
@@ -182,11 +193,16 @@ def closed_loop(job: DriveJob) -> ClosedLoop:
     errors = Effects()  # of the sensors, as far as they are known
     model: StepModel
     if isinstance(believes, Learnt):
-        model = step_model(believes.model, believes.belief, believes.path_step)
+        known = None if believes.car is None else believes.car.step_model()
+        if known is None or believes.car is None:
+            model = step_model(believes.model, believes.belief, believes.path_step)
+        else:
+            model = HybridStepModel(believes.model, believes.belief.mean, known)
+            errors, control = sensor_errors(believes.car.effects), dataclasses.replace(control, tightening=0.0)
         # A belief that stays as it is needs no adapter, unless its covariance is asked for.
         if believes.adapting or control.tightening > 0.0:
             lags = BANK if believes.lags else None
-            adapter = BayesianAdapter(believes.model, believes.gate, believes.offset_time, lags)
+            adapter = BayesianAdapter(believes.model, believes.gate, believes.offset_time, lags, known)
     else:
         if isinstance(believes, IdentifiedCar):
             model, errors = believes.step_model(), sensor_errors(believes.effects)
@@ -263,7 +279,8 @@ class Believing(NamedTuple):
         """(columns of the experiment's table, what is believed) after what the gathering has taught."""
         if model == "nominal" or model == "oracle":
             return {}, model
-        learnt, belief, labels = self.learnt, self.learnt.prior(), dict[str, Any]()
+        learnt, labels = load_varied() if model == "varied" else self.learnt, dict[str, Any]()
+        belief = learnt.prior()
         if model in BELIEFS:
             assert taught is not None
             wanted = BELIEFS[model]
@@ -274,22 +291,25 @@ class Believing(NamedTuple):
             learnt, belief = taught.after(learnt, wanted)
             if taught.surprise is not None and self.surprise is not None:
                 labels["refused"] = taught.surprise > self.surprise.limit(SURPRISED)
-        offset_time = OFFSET_TIME if model == "offset_free" else None
+        offset_time = OFFSET_TIMES.get(model)
         lags = self.learn_lags and model in LEARNING_LAGS
         return labels, Learnt(learnt, belief, model in ADAPTING, self.path_step, offset_time, lags, self.gate)
 
     def _of_drives(self, model: Model, taught: Taught, labels: dict[str, Any]) -> tuple[dict[str, Any], Believes]:
-        """The same of a car that drives identify; `online` where none was, or none is believed."""
-        choice = Choice(taught.findings.get(BELIEFS[model], Findings(None)), usual_error().limit())
+        """The same of a car that drives identify; `varied` where none was, or none is believed."""
+        hybrid, found = load_hybrid(), taught.findings.get(BELIEFS[model], Findings(None))
+        choice = Choice(found, usual_error().limit(), hybrid_limit())
         car = choice.found.car
         labels |= {
-            "identified_error": choice.found.error, "believed": choice.believed,
-            "refused": choice.believed != "identified", "one_more": ", ".join(car.one_more) if car else "",
+            "identified_error": choice.found.error, "surprise": choice.found.surprise, "believed": choice.believed,
+            "refused": choice.believed == "adapting", "one_more": ", ".join(car.one_more) if car else "",
             "double_track": car is not None and isinstance(car.vehicle, DoubleTrackParameters),
         }  # fmt: skip
-        if car is not None and (model == "identified" or choice.believed == "identified"):
+        if car is not None and "hybrid" in (model, choice.believed) and model != "identified":
+            return labels, Learnt(hybrid, hybrid.prior(), adapting=True, gate=self.gate, car=car)
+        if car is not None and "identified" in (model, choice.believed):
             return labels, car
-        return labels, self("online", None)[1]
+        return labels, self("varied", None)[1]
 
 
 def run_name(model: str, vehicle: int, noise_seed: int) -> str:

@@ -3,6 +3,7 @@ the car that both informative drives identify. Plans are made with what is belie
 
 import dataclasses
 import json
+import math
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
@@ -24,9 +25,9 @@ from drift_drake.drive.gathering.gather import drive_samples, gather, learn_driv
 from drift_drake.drive.gathering.plan import InfeasiblePlanError, Trajectory, plan_again, plan_drive
 from drift_drake.drive.learnt.checkpoint import BayesianModel
 from drift_drake.drive.learnt.posterior import Posterior
+from drift_drake.drive.learnt.quality import squared_distances
 from drift_drake.gap.choose.choice import Findings, ask
 from drift_drake.gap.choose.identified import IdentifiedCar, runs_of
-from experiments.gathering.familiar import squared_distances
 from experiments.other_worlds.true_cars import TrueCar, true_plant
 
 Attempt = tuple[int, int]  # vehicle, noise seed
@@ -189,4 +190,5 @@ def _findings(stored: dict[str, Any], path: Path) -> Findings:
             else VehicleParameters.from_dict(numbers, str(path))
         )
         car = IdentifiedCar(vehicle, make_effects(found["effects"]))
-    return Findings(car, stored["error"], tuple(stored["doubts"]), stored["hint"], stored["as_it_is"])
+    error, surprise = stored["error"], stored.get("surprise", math.inf)
+    return Findings(car, error, tuple(stored["doubts"]), stored["hint"], stored["as_it_is"], surprise)

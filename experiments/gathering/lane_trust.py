@@ -24,12 +24,12 @@ from drift_drake.common.arrays import Array
 from drift_drake.common.run_folder import make_run_folder
 from drift_drake.common.safe_files import write_figure
 from drift_drake.drive.learnt.checkpoint import BayesianModel, load_model
-from drift_drake.gap.choose.choice import REFUSED, Choice, Familiar, Findings
+from drift_drake.gap.choose.choice import REFUSED, SURPRISED, Choice, Familiar, Findings
 from drift_drake.view.colours import INK, RUNS
 from drift_drake.view.style import BOUND, new_figure, styled
 from experiments.benchmarks.vehicles import EXTREME, Population, draw_effects
 from experiments.gathering.beliefs import gather_all
-from experiments.gathering.familiar import SURPRISED, familiar_from, keep_usual
+from experiments.gathering.familiar import familiar_from, keep_usual
 from experiments.gathering.recipe import Recipe
 from experiments.made import RunConfig, SpreadConfig, tabulated, write_results
 from experiments.other_worlds.true_cars import World, effects_in, true_car

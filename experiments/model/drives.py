@@ -11,6 +11,7 @@ without the first sample of each drive. Broken off, it goes on with the vehicle 
 
 import dataclasses
 import json
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +24,7 @@ from drift_drake.car.effects.magnitudes import Effects
 from drift_drake.car.log.table import COLUMNS, Run, write_run
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.car.single_track.motion_with_effects import changed_constants
+from drift_drake.car.single_track.path_plant import CurvedPath, PathPlant
 from drift_drake.car.step_model import NominalStepModel
 from drift_drake.common.arrays import Array
 from drift_drake.common.executors import run_jobs
@@ -66,6 +68,7 @@ PERIOD = 0.02  # [s] between plans
 # actuators stood. A model of the commands at both ends of a step cannot know of that, and no car is driven so.
 TAKEOVER = 1
 DRIVING_STREAM = 1  # of a vehicle's random numbers; its effects come from another
+PlantOn = Callable[[CurvedPath | None], PathPlant | None]
 STATE_SCATTER = np.array([0.08, 0.5, 0.08, 0.8, 0.3, 0.05])  # of where a drive starts
 
 
@@ -143,17 +146,14 @@ def drive_vehicle(output: Path, population: Population, index: int, seed: int, w
     if is_done(folder / "samples.npz"):
         return
     folder.mkdir(parents=True, exist_ok=True)
-    parameters, effects = VehicleParameters(), draw_effects(population, index, seed)
+    effects = draw_effects(population, index, seed)
     generator = np.random.default_rng([seed, POPULATIONS.index(population), index, DRIVING_STREAM])
     phases: list[list[Samples]] = [[] for _ in range(DECIMATION)]
     drives: list[dict[str, Any]] = []
     count, turn = 0, index
     while count < wanted:
-        kind, duration = SCHEDULE[turn % len(SCHEDULE)]
+        kind, table, ending, reference = one_drive(turn, effects, generator)
         turn += 1
-        noise_seed = int(generator.integers(2**31))
-        drive, state, s, reference = _prepare(kind, duration, parameters, effects, generator)
-        table, ending = drive.run(state, s, duration, noise_seed)
         if len(table) <= MIN_SAMPLES * DECIMATION:
             continue
         path = None if reference is None else reference.path
@@ -172,8 +172,24 @@ def drive_vehicle(output: Path, population: Population, index: int, seed: int, w
     save_samples(concatenate(phases[0]), folder / "samples.npz")
 
 
+def one_drive(
+    turn: int, effects: Effects, generator: np.random.Generator, plant_on: PlantOn = lambda _path: None
+) -> tuple[str, pd.DataFrame, str, Reference | None]:
+    """(kind, log at 100 Hz, how it ended, reference) of a drive, of the kind whose turn it is.
+
+    Args:
+        plant_on: makes the true car on a path, or on none; `Car`'s own plant where it makes none.
+    """
+    kind, duration = SCHEDULE[turn % len(SCHEDULE)]
+    noise_seed = int(generator.integers(2**31))
+    drive, state, s, reference = _prepare(kind, duration, VehicleParameters(), effects, generator, plant_on)
+    table, ending = drive.run(state, s, duration, noise_seed)
+    return kind, table, ending, reference
+
+
 def _prepare(
     kind: str, duration: float, parameters: VehicleParameters, effects: Effects, generator: np.random.Generator,
+    plant_on: PlantOn,
 ) -> tuple[Drive, Array, float, Reference | None]:  # fmt: skip
     """(the drive, its first state [6], where on the path [m], the reference) of one kind."""
     shake = dither(duration, generator)
@@ -184,13 +200,14 @@ def _prepare(
         holder = HoldDriver(parameters, drift, drifting)
         state = np.array([drift.r, drift.v, drift.beta, drift.omega_r, 0.0, 0.0])
         state[:4] += STATE_SCATTER[:4] * generator.standard_normal(4)
-        drive = Drive(parameters, holder, 1, ROW_PERIOD, shake, holder.initial_command(), effects)
+        drive = Drive(parameters, holder, 1, ROW_PERIOD, shake, holder.initial_command(), effects, plant=plant_on(None))
         return drive, state, 0.0, None
     if kind == "manual":
         script = manual_script(parameters, duration, generator)
         source = ConstantVectorSource(Plan(0.0, script).vector())
         speed = float(generator.uniform(8.0, 18.0))
-        drive = Drive(parameters, source, len(script) - 1, DT, shake, (script[0, 0], script[0, 1]), effects)
+        start_at = (script[0, 0], script[0, 1])
+        drive = Drive(parameters, source, len(script) - 1, DT, shake, start_at, effects, plant=plant_on(None))
         return drive, np.array([0.0, speed, 0.0, speed, 0.0, 0.0]), 0.0, None
     believed = _true_parameters(parameters, effects) if kind == "mpc_true" else parameters
     reference = _reference(kind, believed, generator)
@@ -199,7 +216,8 @@ def _prepare(
     steering, torque = (float(value) for value in reference.input(start))
     mpc = Mpc(NominalStepModel(believed), parameters, reference, HORIZON, delay=PERIOD,
               initial_command=(steering, torque))  # fmt: skip
-    drive = Drive(parameters, MpcController(mpc, PERIOD), HORIZON, DT, shake, (steering, torque), effects, reference)
+    drive = Drive(parameters, MpcController(mpc, PERIOD), HORIZON, DT, shake, (steering, torque), effects, reference,
+                  plant=plant_on(reference.path))  # fmt: skip
     return drive, state, float(start), reference
 
 

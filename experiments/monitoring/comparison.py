@@ -28,13 +28,13 @@ from drift_drake.common.executors import ExecutorConfig
 from drift_drake.common.run_folder import is_done, write_json, write_versions
 from drift_drake.drive.learnt.checkpoint import load_model
 from drift_drake.drive.learnt.command_lag import lagged_commands
+from drift_drake.drive.learnt.quality import squared_distance
 from drift_drake.gap.monitoring import bank as filters
 from drift_drake.gap.monitoring.evidence import ALARM, Sums, no_sums
 from drift_drake.gap.monitoring.monitor import SETTLING, Monitor, with_row
 from drift_drake.gap.monitoring.watch import rows_of, watched
 from experiments.benchmarks.drivers import MANOEUVRES
 from experiments.benchmarks.truths import drawn_deviations
-from experiments.gathering.familiar import squared_distance
 from experiments.made import write_report
 from experiments.monitoring.cars import Simulator, double_track_simulator
 from experiments.monitoring.drives import changed_double_track_drive, changed_drive

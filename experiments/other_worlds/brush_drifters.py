@@ -26,9 +26,36 @@ DRAWN: dict[str, tuple[float, float]] = {
 """Uniformly between these."""
 
 
+STRETCHED = 1.5  # of each range about its middle, for cars that models are trained on
+LEAST = dict.fromkeys(("lock_share", "lock_least", "load_sensitivity", "front_compliance"), 0.0)
+
+
 def draw_drifter(index: int, seed: int) -> BrushCar:
     """Car `index` of a draw: the same for the same arguments. Every third has an open differential."""
     generator = np.random.default_rng([seed, 77, index])
     drawn = {name: float(generator.uniform(low, high)) for name, (low, high) in DRAWN.items()}
     locked = {} if index % 3 else {"lock": 0.0, "lock_share": 0.0, "lock_least": 0.0}
     return COUPE._replace(**(drawn | locked))
+
+
+def draw_wide_drifter(index: int, seed: int) -> BrushCar:
+    """The same, all that is drawn half as far again about its middle, within what a car can have.
+
+    Every third has a motor for each rear wheel in place of a differential, every fourth steers at the rear too.
+    """
+    generator, car = np.random.default_rng([seed, 78, index]), draw_drifter(index, seed)
+    drawn = {}
+    for name, (low, high) in DRAWN.items():
+        middle = 0.5 * (low + high)
+        least, most = (
+            LEAST.get(name, 0.3 * low if low > 0.0 else -np.inf),
+            1.0 if name == "sliding_friction" else np.inf,
+        )
+        drawn[name] = float(np.clip(middle + STRETCHED * (getattr(car, name) - middle), least, most))
+    if index % 3 == 0:
+        drawn |= {"lock": 0.0, "lock_share": 0.0, "lock_least": 0.0, "vectoring": float(generator.uniform(0.0, 4000.0))}
+    else:
+        drawn["lock"] = float(generator.uniform(50.0, 600.0))
+    if index % 4 == 1:
+        drawn["rear_steer"] = float(generator.uniform(-0.1, 0.1))
+    return car._replace(**drawn)

@@ -9,7 +9,6 @@ from drift_drake.car.car_file import read_car
 from drift_drake.car.effects.magnitudes import Effects
 from drift_drake.car.log.table import read_case
 from drift_drake.car.parameters import VehicleParameters
-from drift_drake.drive.learnt.checkpoint import load_model
 from drift_drake.gap.choose.choice import Choice, Findings
 from drift_drake.gap.choose.identified import IdentifiedCar
 from experiments.drifting.chain import ChainConfig, believed, main
@@ -17,17 +16,21 @@ from experiments.drifting.runs import Learnt
 
 
 def test_the_choice_decides_what_drives() -> None:
-    learnt, config = load_model(), ChainConfig()
+    config = ChainConfig()
     car = IdentifiedCar(VehicleParameters(), Effects())
     near, far = (Choice(Findings(car, error), limit=0.01) for error in (0.005, 0.1))
-    assert believed(near, learnt, config) == ("the identified car", car)
-    name, believes = believed(far, learnt, config)
-    assert name == "the learnt model, adapting"
+    assert believed(near, config) == ("the identified car", car)
+    name, believes = believed(far, config)
+    assert name == "the learnt model of many structures, adapting"
     assert isinstance(believes, Learnt)
     assert believes.adapting
-    assert believed(far, learnt, dataclasses.replace(config, model="identified"))[1] == car
-    assert isinstance(believed(near, learnt, dataclasses.replace(config, model="adapting"))[1], Learnt)
-    assert isinstance(believed(Choice(Findings(None), 0.01), learnt, config)[1], Learnt)
+    name, believes = believed(Choice(Findings(car, 0.1, surprise=5.0), 0.01, surprise_limit=9.0), config)
+    assert name == "the identified car and what it leaves over"
+    assert isinstance(believes, Learnt)
+    assert believes.car == car
+    assert believed(far, dataclasses.replace(config, model="identified"))[1] == car
+    assert isinstance(believed(near, dataclasses.replace(config, model="adapting"))[1], Learnt)
+    assert isinstance(believed(Choice(Findings(None), 0.01), config)[1], Learnt)
 
 
 @pytest.mark.slow

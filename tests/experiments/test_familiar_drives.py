@@ -16,11 +16,11 @@ from drift_drake.drive.learnt.bayesian_step import residual
 from drift_drake.drive.learnt.checkpoint import BayesianModel, load_model, paper_checkpoint
 from drift_drake.drive.learnt.features import features, network_inputs
 from drift_drake.drive.learnt.posterior import mahalanobis, predict
-from drift_drake.drive.learnt.quality import learn
+from drift_drake.drive.learnt.quality import learn, squared_distances
 from drift_drake.drive.learnt.samples import Samples, samples_from_log
-from drift_drake.gap.choose.choice import Familiar, usual_error
+from drift_drake.gap.choose.choice import Familiar, usual_error, usual_surprise
 from experiments.benchmarks.vehicles import draw_effects
-from experiments.gathering.familiar import familiar_from, keep_usual, squared_distances, usual_surprise
+from experiments.gathering.familiar import familiar_from, keep_usual
 
 CONFIG = GatheringConfig(steps=12, v_end=11.0, starts=1, max_iterations=30)
 

@@ -7,11 +7,10 @@ import numpy as np
 import pytest
 
 from drift_drake.drive.learnt.checkpoint import load_model
-from drift_drake.gap.choose.choice import Findings, usual_error
+from drift_drake.gap.choose.choice import Findings, usual_error, usual_surprise
 from experiments.benchmarks.vehicles import EXTREME
 from experiments.gathering import lane_trust
 from experiments.gathering.beliefs import Taught
-from experiments.gathering.familiar import usual_surprise
 from experiments.gathering.lane_trust import GROUPS, LaneTrust, main
 from experiments.other_worlds.brush_car import BrushCar
 

@@ -6,18 +6,22 @@ from typing import NamedTuple
 import numpy as np
 from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem
 
+from drift_drake.car.internal_states import InternalStateObserver, RememberingStepModel
 from drift_drake.common.arrays import Array
 from drift_drake.common.updates import declare_output, declare_update
 from drift_drake.drive.learnt.bayesian_step import regression_points
 from drift_drake.drive.learnt.checkpoint import BayesianModel
-from drift_drake.drive.learnt.command_lag import TIME_STEP
+from drift_drake.drive.learnt.command_lag import TIME_STEP, CommandLag
 from drift_drake.drive.learnt.features import COVARIANCE_COUNT, FEATURE_COUNT, MEAN_COUNT, STATE_COUNT
+from drift_drake.drive.learnt.hybrid_step import left_over
 from drift_drake.drive.learnt.posterior import Posterior, mahalanobis, predict, update_and_density
 
 MEASURED_COUNT = 7  # (r, v, beta, omega_r, e, dphi, s)
 PARAMETER_COUNT = MEAN_COUNT + STATE_COUNT + 2  # of the output port `parameters`
 DEFAULT_THRESHOLD = 8.0
-OFFSET_TIME = 2.0  # [s] of the offset, for a car that no model knows; chosen of 0.4, 1 and 2 on eight double-track cars
+# [s] of the offset, by model. The first was chosen of 0.4, 1 and 2 on eight double-track cars; the second of none, 1
+# and 2 on nine multi-body cars of draw 881, where it keeps two on the lane that are lost without.
+OFFSET_TIMES = {"offset_free": 2.0, "varied": 1.0}
 
 
 class Adapted(NamedTuple):
@@ -30,7 +34,7 @@ class Adapted(NamedTuple):
 
 def adapt_bank(
     models: Sequence[BayesianModel], posteriors: Sequence[Posterior], x: Array, lagged: Array, u: Array, u_next: Array,
-    x_next: Array, threshold: float,
+    x_next: Array, threshold: float, car: RememberingStepModel | None = None,
 ) -> list[Adapted] | None:  # fmt: skip
     """Each posterior after one sample, of models that differ in their lags; None if the sample is refused.
 
@@ -39,14 +43,18 @@ def adapt_bank(
 
     Args:
         x, x_next: measured states at both ends of the step [6 or more]; u, u_next: commands there [2]; lagged: those at
-            its start behind each model's lags [K, 2].
+            its start behind each model's lags [K, 2], or the car's internal states [1, m]; car: inside h of a hybrid
+            model (`hybrid_step`), in place of the nominal one.
     """
     if not (np.isfinite(x[:STATE_COUNT]).all() and np.isfinite(x_next[:STATE_COUNT]).all()):
         return None
     if not (np.isfinite(lagged).all() and np.isfinite(u).all() and np.isfinite(u_next).all()):
         return None
-    points = [regression_points(model, np.append(x[:6], own), u, u_next, x_next)
-              for model, own in zip(models, lagged, strict=True)]  # fmt: skip
+    steps = [(np.append(x[:6], own), u, u_next, x_next) for own in lagged]
+    if car is not None:
+        one = left_over(car, models[0].vehicle, *(part[None] for part in steps[0]))
+        steps = [(one[0][0], one[1][0], one[2][0], one[3][0])]
+    points = [regression_points(model, *step) for model, step in zip(models, steps, strict=True)]
     together = list(zip(models, posteriors, points, strict=True))
     if min(mahalanobis(predict(belief, model.sigma, phi), y) for model, belief, (phi, y) in together) > threshold:
         return None
@@ -92,27 +100,29 @@ class BayesianAdapter(LeafSystem):
 
     def __init__(
         self, model: BayesianModel, threshold: float = DEFAULT_THRESHOLD, offset_time: float | None = None,
-        lags: Array | None = None,
+        lags: Array | None = None, car: RememberingStepModel | None = None,
     ) -> None:  # fmt: skip
         """Args:
         model: its prior is the state that a default Context starts with; threshold: Mahalanobis distance [-];
-        offset_time: of the offset [s]; lags: of steering and torque [K, 2] in s; the model's own without.
+        offset_time: of the offset [s]; lags: of steering and torque [K, 2] in s; the model's own without; car: inside
+        h, identified, in place of the nominal one: its internal states are asked for, and its lags are believed.
         """
         super().__init__()
-        self.lags = np.array(model.lag[None] if lags is None else lags, dtype=float)
+        self.car, width = car, 2 if car is None else len(car.internal_scale)
+        self.lags = np.array(model.lag[None] if lags is None or car is not None else lags, dtype=float)
         self.model, self.offset_time = model, offset_time
         self._models, count = [model.with_lag(lag) for lag in self.lags], len(self.lags)
         prior = model.prior()
         self._measured = self.DeclareVectorInputPort("measured_state", MEASURED_COUNT)
         self._command = self.DeclareVectorInputPort("command", 2)
-        self._lagged = self.DeclareVectorInputPort("lagged_command", 2 * count)
+        self._lagged = self.DeclareVectorInputPort("lagged_command", width * count)
         self._trusted = self.DeclareVectorInputPort("trusted", 1)
         self._beliefs = [self.DeclareDiscreteState(np.tile(values.ravel(), count)) for values in prior]
         self._evidence = self.DeclareDiscreteState(count)
         self._counters = self.DeclareDiscreteState(2)
         self._offset = self.DeclareDiscreteState(STATE_COUNT)
         # The last tick: its measured state, command and lagged commands; NaN before the first.
-        self._last = self.DeclareDiscreteState(np.full(8 + 2 * count, np.nan))
+        self._last = self.DeclareDiscreteState(np.full(8 + width * count, np.nan))
         self._started = self.DeclareDiscreteState(1)
         self._was_trusted = self.DeclareDiscreteState(1)
         self._frozen = self.DeclareNumericParameter(BasicVector([0.0]))
@@ -122,7 +132,7 @@ class BayesianAdapter(LeafSystem):
             ("posterior_mean", MEAN_COUNT, lambda context: self.posterior(context).mean.ravel(), ()),
             ("posterior_covariance", COVARIANCE_COUNT, lambda context: self.posterior(context).covariance.ravel(), ()),
             ("parameters", PARAMETER_COUNT, self._parameters, ()),
-            ("internal_states", 2, self._internal, (self._lagged.ticket(),)),
+            ("internal_states", width, self._internal, (self._lagged.ticket(),)),
         ):
             declare_output(self, name, size, calc, {*believed, *further})
         self.DeclareStateOutputPort("counters", self._counters)
@@ -133,7 +143,7 @@ class BayesianAdapter(LeafSystem):
         return np.concatenate([self.posterior(context).mean.ravel(), offset, lag])
 
     def _internal(self, context: Context) -> Array:
-        return self._lagged.Eval(context).reshape(-1, 2)[self.believed(context)]
+        return self._lagged.Eval(context).reshape(len(self.lags), -1)[self.believed(context)]
 
     def _tick(self, context: Context, discrete: DiscreteValues) -> None:
         x, u = self._measured.Eval(context)[:6], self._command.Eval(context)
@@ -143,7 +153,8 @@ class BayesianAdapter(LeafSystem):
             threshold = context.get_numeric_parameter(self._threshold).value()[0]
             before, evidence, changed = self._remembered(context)
             found = adapt_bank(
-                self._models, before, last[:6], last[8:].reshape(-1, 2), last[6:8], u, x, threshold
+                self._models, before, last[:6], last[8:].reshape(len(self.lags), -1), last[6:8], u, x, threshold,
+                    self.car,
             )  # fmt: skip
             if found is not None:
                 before, evidence = [one.posterior for one in found], evidence + [one.density for one in found]
@@ -172,6 +183,10 @@ class BayesianAdapter(LeafSystem):
     def _write(self, discrete: DiscreteValues, posteriors: Sequence[Posterior]) -> None:
         for index, values in zip(self._beliefs, zip(*posteriors, strict=True), strict=True):
             discrete.set_value(index, np.concatenate([value.ravel() for value in values]))
+
+    def observer(self, period: float) -> LeafSystem:
+        """What follows the commands behind the lags, or the car's internal states, every `period` [s]."""
+        return CommandLag(period, self.lags) if self.car is None else InternalStateObserver(self.car, period)
 
     def believed(self, context: Context) -> int:
         """Which of `lags` is believed in a Context of this system."""

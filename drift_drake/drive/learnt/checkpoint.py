@@ -112,9 +112,19 @@ class BayesianModel:
             )
 
 
+def shipped(name: str) -> Path:
+    """A file that ships with the package."""
+    return Path(str(files("drift_drake") / "data" / name))
+
+
 def paper_checkpoint() -> Path:
     """The shipped model of the paper's recipe: 27,012 parameters, z alone, T = 10, four beliefs, 35 vehicles."""
-    return Path(str(files("drift_drake") / "data" / "bayesian_model_paper.npz"))
+    return shipped("bayesian_model_paper.npz")
+
+
+def load_varied() -> BayesianModel:
+    """The shipped model whose prior is of cars of many structures (`experiments.model.varied`)."""
+    return load_model(shipped("varied_model.npz"))
 
 
 def load_model(path: str | Path | None = None) -> BayesianModel:
@@ -126,7 +136,7 @@ def load_model(path: str | Path | None = None) -> BayesianModel:
     Examples:
         >>> belief = load_model().prior()
     """
-    source = Path(str(files("drift_drake") / "data" / "bayesian_model.npz")) if path is None else Path(path)
+    source = shipped("bayesian_model.npz") if path is None else Path(path)
     arrays, about = _stored(source)
     if about.get("format") != FORMAT:
         raise InvalidCheckpointError(

@@ -11,7 +11,7 @@ from drift_drake.common.arrays import Array
 from drift_drake.drive.learnt.bayesian_step import BayesianStepModel, PathStep, regression_points
 from drift_drake.drive.learnt.checkpoint import BayesianModel
 from drift_drake.drive.learnt.features import STATE_COUNT
-from drift_drake.drive.learnt.posterior import Posterior, predict, update_all
+from drift_drake.drive.learnt.posterior import Posterior, mahalanobis, predict, update_all
 from drift_drake.drive.learnt.samples import Samples, concatenate
 
 SAMPLE_WEIGHTS = (1.0, 0.7, 0.5, 0.3, 0.2, 0.15, 0.1, 0.07, 0.05, 0.03, 0.02)
@@ -64,6 +64,27 @@ def learn(model: BayesianModel, belief: Posterior, samples: Samples) -> Posterio
     """
     phi, y = regression_points(model, samples.x, samples.u, samples.u_next, samples.x_next)
     return update_all(belief, model.sigma, phi, y, model.sample_weight)
+
+
+def squared_distance(
+    model: BayesianModel, belief: Posterior, x: Array, u: Array, u_next: Array, x_next: Array
+) -> float:
+    """Squared Mahalanobis distance of one sample from what a belief predicts (eq. 7), of four degrees of freedom.
+
+    Args:
+        x, x_next: states and lagged commands at both ends of a step [8]; u, u_next: commands there [2].
+    """
+    phi, y = regression_points(model, x, u, u_next, x_next)
+    return float(mahalanobis(predict(belief, model.sigma, phi), y) ** 2)
+
+
+def squared_distances(model: BayesianModel, belief: Posterior, samples: Samples) -> Array:
+    """Squared Mahalanobis distances [n] of a drive's samples, each by the belief that has learnt those before it."""
+    out = np.empty(len(samples.vehicle))
+    for i in range(len(out)):
+        out[i] = squared_distance(model, belief, samples.x[i], samples.u[i], samples.u_next[i], samples.x_next[i])
+        belief = learn(model, belief, samples.where(np.array([i])))
+    return out
 
 
 def adapted(model: BayesianModel, samples: Samples) -> Posterior:

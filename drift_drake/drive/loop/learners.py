@@ -6,7 +6,7 @@ from pydrake.systems.framework import DiagramBuilder, LeafSystem, OutputPort, Sy
 
 from drift_drake.car.step_model import StepModel
 from drift_drake.drive.learnt.adapter import BayesianAdapter
-from drift_drake.drive.learnt.command_lag import CommandLag
+from drift_drake.drive.learnt.hybrid_step import HybridStepModel
 from drift_drake.drive.mpc.controller import Controller, MpcController
 from drift_drake.drive.mpc.tightening import LaneTightening
 
@@ -15,12 +15,14 @@ def lane_tightening(kappa: float, adapter: BayesianAdapter | None) -> LaneTighte
     """What narrows the lane by `kappa` standard deviations of the adapter's belief; None where it is not narrowed.
 
     Raises:
-        ValueError: a tightened lane without an adapter.
+        ValueError: a tightened lane without an adapter, or with that of a hybrid model.
     """
     if kappa <= 0.0:
         return None
     if adapter is None:
         raise ValueError("the lane is tightened by an adapter's belief; give an adapter too (perhaps a frozen one)")
+    if adapter.car is not None:
+        raise ValueError("the lane is not tightened for a hybrid model; leave control.tightening at 0")
     return LaneTightening(adapter.model.sigma, kappa)
 
 
@@ -80,7 +82,7 @@ class Learners(NamedTuple):
         """Adds the observer of the model's own states, for a model that has any; `ports`: that it may ask for."""
         observer: LeafSystem | None
         if self.adapter is not None:
-            observer = CommandLag(controller.period, self.adapter.lags)
+            observer = self.adapter.observer(controller.period)
         else:
             observer = None if self.model is None else self.model.observer(controller.period)
         if observer is None:
@@ -97,8 +99,13 @@ class Learners(NamedTuple):
 
 
 def check_planner(learners: Learners, controller: Controller | System | None) -> None:
-    """Raises ValueError unless one thing alone plans: a model (with an adapter or without) or a controller."""
+    """Raises ValueError unless one thing alone plans: a model (with its adapter or without) or a controller."""
     if (learners.model is None) == (controller is None):
         raise ValueError("give a model for the predictive controller, or a controller of your own, and not both")
     if controller is not None and learners.adapter is not None:
         raise ValueError("an adapter learns the predictive controller's model; a controller of your own has none")
+    car = learners.model.car if isinstance(learners.model, HybridStepModel) else None
+    if learners.adapter is not None and learners.adapter.car is not car:
+        raise ValueError(
+            "the adapter is of another car than the model: give both the same, BayesianAdapter(.., car=car)"
+        )

@@ -3,10 +3,12 @@
 The car that the drives identify (`identified`) predicts them half a second ahead, from each fifth of a second. It is
 believed where it predicts no worse than on nearly all cars that follow its equations (`Familiar`: little more than the
 sensors' noise is left): as it is, with an additional fault that a controller plans with (`identified.ONE_MORE`), or as
-a double-track car. It then carries over from a lane to a drift. Of any other car no model is known to hold: the learnt
-model's prior then adapts while it drives, since what a lane has taught the learnt model, or what it identifies of
-physics that are not the car's, leads astray in a drift. Nor is a car believed on logs that contradict themselves, on
-drives too gentle to ask by, or of another size than those that the limit was measured on (`doubts`).
+a double-track car. It then carries over from a lane to a drift. Of other cars the single-track car is near enough where
+what it leaves over is as usual of cars of other structures: a hybrid model then learns that while it drives
+(`drive.learnt.hybrid_step`). Of any other car no model is known to hold: the learnt model whose prior is of cars of
+many structures then adapts while it drives, since what a lane has taught a model, or what it identifies of physics
+that are not the car's, leads astray in a drift. Nor is a car believed on logs that contradict themselves, on drives too
+gentle to ask by, or of another size than those that the limit was measured on (`doubts`).
 """
 
 import json
@@ -16,15 +18,21 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
+import numpy as np
+import pandas as pd
 from scipy.special import stdtrit
 
 from drift_drake.car.car_file import PlantParameters, plant_of
 from drift_drake.car.effects.record import wheelbase
 from drift_drake.car.given_vehicle import Vehicle, vehicle_given
 from drift_drake.car.log.cases import Logs, logs_given
-from drift_drake.car.log.table import Run
+from drift_drake.car.log.table import COLUMNS, Run
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.common.standard_output import Progress
+from drift_drake.drive.learnt.checkpoint import BayesianModel
+from drift_drake.drive.learnt.hybrid_step import hybrid_samples, load_hybrid
+from drift_drake.drive.learnt.quality import squared_distances
+from drift_drake.drive.learnt.samples import Samples, concatenate
 from drift_drake.gap.choose.identified import BIASES, ONE_MORE, IdentifiedCar, identified, identified_double_track
 from drift_drake.gap.choose.usable_drives import LIVELY, asked_parts, check_drives, liveliness
 from drift_drake.gap.estimation.windows import WindowedRun, forecast_error, windowed
@@ -34,9 +42,10 @@ SHIPPED = "lane_trust.json"
 IDENTIFIED, SURPRISE = "identified", "surprise"  # its keys; the latter's entries are by the hash of a checkpoint
 OTHER_SIZE = 1.5  # ratio of wheelbases
 NEARER = 0.5  # of another's forecast error, from which on a car is far nearer
+SURPRISED = 0.005  # share of a model's cars whose drives refuse it
 REFUSED = 0.001  # share of cars that follow their equations which are not believed
 
-Believed = Literal["identified", "adapting"]
+Believed = Literal["identified", "hybrid", "adapting"]
 
 
 class Findings(NamedTuple):
@@ -47,6 +56,7 @@ class Findings(NamedTuple):
     doubts: tuple[str, ...] = ()  # why the drives are no ground to believe it
     hint: str = ""  # which other car would be far nearer, though not near enough
     as_it_is: float = math.inf  # how far off the identified car is without an additional fault, on one track
+    surprise: float = math.inf  # of what that one leaves over: mean squared distance from the hybrid model's prior
 
 
 class Choice(NamedTuple):
@@ -54,6 +64,7 @@ class Choice(NamedTuple):
 
     found: Findings
     limit: float  # of the forecast error
+    surprise_limit: float = 0.0
     remarks: tuple[str, ...] = ()  # which parts of long logs were asked
 
     @property
@@ -63,8 +74,13 @@ class Choice(NamedTuple):
 
     @property
     def believed(self) -> Believed:
-        """Whether the identified car is the car, and can be planned with; else the learnt model adapts."""
-        return "identified" if self._as_usual and not self.found.doubts and not self.beyond else "adapting"
+        """Whether the identified car is the car, and can be planned with, or is near to it; else a learnt model
+        adapts."""
+        if self.found.doubts or (self._as_usual and self.beyond):
+            return "adapting"
+        if self._as_usual:
+            return "identified"
+        return "hybrid" if self.found.surprise <= self.surprise_limit else "adapting"
 
     @property
     def _as_usual(self) -> bool:
@@ -73,7 +89,7 @@ class Choice(NamedTuple):
     def sentence(self) -> str:
         """What follows from it."""
         found = self.found
-        adapt = "let the learnt model adapt as it drives (drift-drake drive --model online)"
+        adapt = "let the learnt model adapt as it drives (drift-drake drive --model varied)"
         if found.doubts:
             return f"no model is believed on these drives: {'; '.join(found.doubts)}"
         if self.believed == "identified":
@@ -81,6 +97,11 @@ class Choice(NamedTuple):
         elif self._as_usual:
             beyond = ", ".join(self.beyond)
             follow = f"the car is identified with {beyond}, which a controller does not plan with: fix that, or {adapt}"
+        elif self.believed == "hybrid":
+            follow = (
+                "drive with the identified car and learn what it leaves over (HybridStepModel), which is as usual of "
+                "cars of other structures"
+            )
         else:
             follow = f"no model is known to hold for this car: {adapt}, or gather more"
         if not math.isfinite(found.error):
@@ -114,9 +135,10 @@ def ask(runs: Sequence[Run], first_guess: PlantParameters, progress: Progress | 
     car = identified(runs, vehicle)
     error = car_error(car, judged)
     found = Findings(car, error, doubtful, as_it_is=error)
+    surprise_limit = hybrid_limit()
     if found.doubts or error <= limit:
         tell("done", 1.0)
-        return Choice(found, limit, tuple(remarks))
+        return Choice(found, limit, surprise_limit, tuple(remarks))
     best = _another_car(runs, first_guess, limit, judged, tell)
     tell("done", 1.0)
     error = car_error(best, judged)
@@ -124,7 +146,18 @@ def ask(runs: Sequence[Run], first_guess: PlantParameters, progress: Progress | 
         found = found._replace(car=best, error=error)
     elif best is not None and error < NEARER * found.error:
         found = found._replace(hint=f"; {error:.3g} for {best.name}")
-    return Choice(found, limit, tuple(remarks))
+    if car is not None and found.car is car:
+        found = found._replace(surprise=surprise_of(runs, car))
+    return Choice(found, limit, surprise_limit, tuple(remarks))
+
+
+def surprise_of(runs: Sequence[Run], car: IdentifiedCar) -> float:
+    """What a car leaves over in runs, as the mean squared distance from the hybrid model's prior, sample by sample."""
+    model, step, samples = load_hybrid(), car.step_model(), list[Samples]()
+    for number, run in enumerate(runs):
+        table = pd.DataFrame({name: run.column(name) for name in COLUMNS if run.column(name) is not None})
+        samples += hybrid_samples(table.assign(e=0.0, dphi=0.0), None, 0, number, step, model.vehicle)
+    return float(np.mean(squared_distances(model, model.prior(), concatenate(samples))))
 
 
 def _another_car(
@@ -195,6 +228,20 @@ class Familiar(NamedTuple):
 def usual_error(path: Path | None = None) -> Familiar:
     """How far off the identified car is half a second ahead, after two informative drives of a car that it follows."""
     return Familiar(**stored(path)[IDENTIFIED])
+
+
+def usual_surprise(model: BayesianModel, path: Path | None = None) -> Familiar | None:
+    """Mean squared distance of the samples of informative drives (`squared_distances`) of a car that a model was made
+    for: of the first drive; of both, of a hybrid model. None for a model that nobody has asked this of.
+    """
+    found = stored(path)[SURPRISE].get(model.content_hash())
+    return None if found is None else Familiar(**found)
+
+
+def hybrid_limit() -> float:
+    """The surprise up to which the shipped hybrid model may drive; 0 where nobody has asked what is usual for it."""
+    usual = usual_surprise(load_hybrid())
+    return 0.0 if usual is None else usual.limit(SURPRISED)
 
 
 def stored(path: Path | None) -> dict[str, dict[str, Any]]:

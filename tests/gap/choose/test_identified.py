@@ -142,6 +142,16 @@ def test_a_car_is_believed_that_predicts_as_is_usual(error: float, believed: str
     assert ("no car was identified" in choice.sentence()) == np.isinf(error)
 
 
+def test_a_car_that_is_near_is_driven_with_what_it_leaves_over() -> None:
+    near = Findings(IdentifiedCar(VehicleParameters(), Effects()), 0.03, surprise=6.0)
+    choice = Choice(near, 0.012, surprise_limit=10.0)
+    assert choice.believed == "hybrid"
+    assert choice.sentence().startswith("drive with the identified car and learn what it leaves over")
+    assert Choice(near, 0.012, surprise_limit=5.0).believed == "adapting"
+    assert Choice(near._replace(doubts=("a column is wrong",)), 0.012, surprise_limit=10.0).believed == "adapting"
+    assert Choice(near, 0.04, surprise_limit=10.0).believed == "identified"
+
+
 def _driven(model: BayesianModel, effects: Effects, plant: OwnCar = "single_track") -> list[pd.DataFrame]:
     """Logs of two informative drives of a car."""
     config, belief, tables = GatheringConfig(starts=1, max_iterations=40), model.prior(), list[pd.DataFrame]()

@@ -19,7 +19,5 @@ def add_pages(project: Project, readings: Recordings, jobs: Jobs) -> None:
 
 def _show(project: Project, readings: Recordings, jobs: Jobs, step: Step) -> None:
     name = step.name.lower()
-    module = importlib.import_module(
-        f"drift_drake.app.pages.{name}"
-    )  # once it is asked for: the workbench opens before
+    module = importlib.import_module(f"drift_drake.app.pages.{name}")  # once asked for: the workbench opens before
     page(project, jobs, step, partial(getattr(module, f"{name}_page"), project, readings, jobs))

@@ -135,10 +135,9 @@ def ask(runs: Sequence[Run], first_guess: PlantParameters, progress: Progress | 
     car = identified(runs, vehicle)
     error = car_error(car, judged)
     found = Findings(car, error, doubtful, as_it_is=error)
-    surprise_limit = hybrid_limit()
     if found.doubts or error <= limit:
         tell("done", 1.0)
-        return Choice(found, limit, surprise_limit, tuple(remarks))
+        return Choice(found, limit, remarks=tuple(remarks))
     best = _another_car(runs, first_guess, limit, judged, tell)
     tell("done", 1.0)
     error = car_error(best, judged)
@@ -148,7 +147,7 @@ def ask(runs: Sequence[Run], first_guess: PlantParameters, progress: Progress | 
         found = found._replace(hint=f"; {error:.3g} for {best.name}")
     if car is not None and found.car is car:
         found = found._replace(surprise=surprise_of(runs, car))
-    return Choice(found, limit, surprise_limit, tuple(remarks))
+    return Choice(found, limit, hybrid_limit(), tuple(remarks))
 
 
 def surprise_of(runs: Sequence[Run], car: IdentifiedCar) -> float:

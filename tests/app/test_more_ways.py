@@ -90,6 +90,18 @@ def test_an_mcap_file_is_dropped_and_imported(workbench, window, tmp_path):
     assert run.t[-1] == pytest.approx(24.0, abs=0.1)
 
 
+def test_what_is_being_typed_stays_while_a_command_runs(workbench, window):
+    one, other = window(workbench), window(workbench)
+    one.go("Columns")
+    other.go("Columns")
+    one.page.get_by_label("wheelbase").press_sequentially("9")
+    typed = one.page.get_by_label("wheelbase").input_value()
+    other.page.get_by_role("button", name="Import day 1").click()
+    one.page.get_by_label("Progress").wait_for()
+    one.page.get_by_label("Progress").wait_for(state="detached")
+    assert one.page.get_by_label("wheelbase").input_value() == typed != f"{WHEELBASE:.4g}"
+
+
 def test_gentle_driving_offers_only_what_contradicts_the_mapping():
     compared = pytest.importorskip("drift_drake.app.pages.compared", reason="needs the extra `app`")
     mapping = {"signals": {"delta_cmd": {"scale": 1.0 / 15.0}}, "measured_point": [0.4, 0.0]}

@@ -72,7 +72,8 @@ def field(
     said = f"{label} [{unit}]" if unit else label
     with _labelled(said):
         element = box("input_", aria_label=f"{said} of {of}" if of else said, type=kind, **more)
-        element.props["value"] = "" if value is None else f"{value:g}" if isinstance(value, float) else str(value)
+        # ^: as an attribute; as a property, each change elsewhere on the page would put it back while one types
+        element.props["^value"] = "" if value is None else f"{value:g}" if isinstance(value, float) else str(value)
         if kind == "number":
             element.props["step"] = "any"
     return element.on("change", lambda event: changed(str(event.args)), js_handler=VALUE)

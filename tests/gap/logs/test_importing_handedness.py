@@ -116,6 +116,35 @@ def test_a_heading_is_held_against_the_way_of_x_and_y(tmp_path, heading, line, r
         assert np.abs(np.mean(wrapped(run.psi - np.interp(run.t, d["t"], d["psi"])))) < 0.02
 
 
+@pytest.mark.parametrize("axes", ["x east, y north", "x north, y east"])
+def test_a_compass_beside_x_and_y(tmp_path, axes):
+    d = rows(noise=1.0)
+    x, y = (d["x"], d["y"]) if axes == "x east, y north" else (d["y"], d["x"])
+    compass = {"heading": d["psi"], "course_over_ground": d["psi"] + d["beta"]}
+    columns = {"t": d["t"], "x": x, "y": y, "yaw_rate": -d["r"], "speed": d["v"], "steer": -d["delta_cmd"]}
+    columns |= {name: np.mod(np.degrees(0.5 * np.pi - angle), 360.0) for name, angle in compass.items()}
+    found = guessed_mapping([Topic("", pd.DataFrame(columns))])
+    (run,), report = imported(tmp_path, columns, found.mapping)
+    course = np.arctan2(np.gradient(run.y), np.gradient(run.x))
+    assert found.mapping["frame"] == "ned"
+    assert abs(np.median(wrapped(run.psi + run.beta - course))) < 0.03
+    assert np.median(np.abs(run.r - np.interp(run.t, d["t"], d["r"]))) < 0.05
+    assert not report.remarks
+
+
+def test_a_course_that_x_and_y_speak_for_as_much_as_a_compass_is_asked(tmp_path):
+    d = rows(noise=1.0)
+    columns = {"Zeit [s]": d["t"], "x [m]": d["x"], "y [m]": d["y"], "Gierrate [rad/s]": d["r"]}
+    columns |= {"Geschwindigkeit [m/s]": d["v"], "Lenkwinkel [rad]": d["delta_cmd"]}
+    columns["Kurswinkel [°]"] = np.degrees(d["psi"] + d["beta"])
+    found = guessed_mapping([Topic("", pd.DataFrame(columns))])
+    assert found.mapping["frame"] == "iso8855"
+    assert any("Nothing here tells whether r is positive to the left" in note for note in found.notes)
+    _, report = imported(tmp_path, columns, found.mapping)
+    (said,) = report.remarks
+    assert "'Kurswinkel [°]' may be a compass' heading" in said
+
+
 def test_steering_against_a_heading_and_its_way_is_asked():
     d = rows(noise=1.0)
     columns = {"t": d["t"], "x": d["x"], "y": -d["y"], "heading": wrapped(-d["psi"]), "steer": d["delta_cmd"]}

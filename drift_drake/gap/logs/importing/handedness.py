@@ -75,11 +75,17 @@ def is_compass(name: str, values: Array, degrees: bool, course: bool) -> bool:
     if not len(seen):
         return False
     inside = float(np.min(seen)) >= 0.0 and float(np.max(seen)) <= turn
-    passes = bool(np.any(np.abs(np.diff(seen)) > WRAP * turn))
+    passes = passes_north(values, degrees)
     if course:
         return passes or (inside and degrees)
     named = "heading" in concepts(bracketed(name)[0])[0] and "psi" not in pieces(name)
     return named and inside and (passes or (degrees and float(seen[0]) > RELATIVE))
+
+
+def passes_north(values: Array, degrees: bool) -> bool:
+    """Whether a heading jumps by a turn within its readings [n]."""
+    seen = values[np.isfinite(values)]
+    return bool(np.any(np.abs(np.diff(seen)) > WRAP * (360.0 if degrees else 2.0 * np.pi)))
 
 
 def handedness(
@@ -98,10 +104,7 @@ def handedness(
     ways: dict[str, int] = {}  # 1: positive to the left, -1: to the right
     because = ""
     for name in ("psi", "course"):
-        if name in found and (found[name].column in found[name].topic.known or is_compass(
-            own_name(found[name].topic, found[name].column), Traces({})(found[name]).values, units[name] == "deg",
-            name == "course",
-        )):  # fmt: skip
+        if name in found and _is_clockwise(found[name], units[name], read, name):
             ways[name] = -1
     for says, track in travel[::-1]:
         known = {name: -way for name in ("r", "psi") if name in rates and (way := sense(rates[name], track))}
@@ -115,36 +118,61 @@ def handedness(
         elif words & (LEFT | RIGHT):
             ways["r"], because = (1 if words & LEFT else -1), "its name"
     handed = _written(found, read, rates, ways, because)
-    return handed if handed.frame == "ned" or not {"x", "y", "psi"} <= set(found) else _by_path(found, read, handed)
+    for name in ("psi", "course"):
+        handed = _by_path(found, read, handed, name) if {"x", "y", name} <= set(found) else handed
+    return handed
 
 
-def _by_path(found: Mapping[str, ColumnChoice], read: Mapping[str, Trace], handed: Handed) -> Handed:
-    """The same, a heading that is counted from the axis of y, or against the way of x and y, in addition."""
+def _is_clockwise(chosen: ColumnChoice, unit: str, read: Mapping[str, Trace], name: str) -> bool:
+    """Whether a heading or a course is a compass'; one that x and y speak for as much is not, for its range alone."""
+    if chosen.column in chosen.topic.known:
+        return True
+    values = Traces({})(chosen).values
+    if not is_compass(own_name(chosen.topic, chosen.column), values, unit == "deg", name == "course"):
+        return False
+    counted = _counted(read, "course") if name == "course" and {"x", "y"} <= set(read) else None
+    sure = counted is None or counted[0] == -1 or abs(counted[1]) > TURNED
+    return sure or passes_north(values, unit == "deg")
+
+
+def _counted(read: Mapping[str, Trace], name: str) -> tuple[int, float] | None:
+    """Whether a heading or course turns with the way of x, y (1) or against it (-1), and its value [rad] along x."""
     ahead, across = velocity(read["x"], read["y"], False)
-    psi, name = read["psi"], found["psi"].column
-    side = sense(derivative(psi, turns=True), clockwise(ahead, across))
-    known = np.isfinite(psi.t) & np.isfinite(psi.values)
+    angle = read[name]
+    side = sense(derivative(angle, turns=True), clockwise(ahead, across))
+    known = np.isfinite(angle.t) & np.isfinite(angle.values)
     if side == 0 or not len(ahead.t):
-        return handed
-    moving = np.hypot(ahead.values, across.values)
-    turned = np.interp(ahead.t, psi.t[known], np.unwrap(psi.values[known]))
+        return None
+    turned = np.interp(ahead.t, angle.t[known], np.unwrap(angle.values[known]))
     turned -= side * np.arctan2(across.values, ahead.values)
-    zero = float(np.angle(np.sum(moving * np.exp(1j * turned))))
+    return side, float(np.angle(np.sum(np.hypot(ahead.values, across.values) * np.exp(1j * turned))))
+
+
+def _by_path(found: Mapping[str, ColumnChoice], read: Mapping[str, Trace], handed: Handed, of: str) -> Handed:
+    """The same, a heading (or course) that is counted from the axis of y, or against the way of x, y, in addition."""
+    counted = _counted(read, of)
+    if counted is None:
+        return handed
+    (side, zero), name = counted, found[of].column
     quarters = round(zero / (0.5 * np.pi))
     near = abs(zero - 0.5 * np.pi * quarters) < TURNED
-    turns = -1 if handed.lines.get("psi", {}).get("frame") == "ned" else 1
-    if near and abs(quarters) == 1 and (side == turns or "r" not in read):
-        line: dict[str, str | float] = {"frame": "ned"} if side == -1 else {}
-        line["offset"] = round(-side * 0.5 * np.pi * quarters, 6)
+    frames = (handed.lines.get(quantity, {}).get("frame", handed.frame) for quantity in (of, "y"))
+    turns, mirror = (-1 if frame == "ned" else 1 for frame in frames)
+    if near and abs(quarters) == 1 and (side == turns * mirror or "r" not in read):
+        frame = "ned" if side * mirror == -1 else "iso8855"
+        line: dict[str, str | float] = {} if frame == handed.frame else {"frame": frame}
+        line["offset"] = round(-side * mirror * 0.5 * np.pi * quarters, 6)
         said = f"{name} is counted from the axis of y{', clockwise' * (side == -1)}: its frame and offset say so."
-        return handed._replace(lines=handed.lines | {"psi": line}, notes=[*handed.notes, said])
-    if side == -1 and "r" not in read:
+        return handed._replace(lines=handed.lines | {of: line}, notes=[*handed.notes, said])
+    if "r" in read or of != "psi":
+        return handed
+    if side == -1:
         said = (
             f"{name} turns against the way of x, y: write 'ned' for '?' if it is positive to the right, or 'iso8855', "
             "and 'sign: -1' in the line of y, if y is."
         )
-        return handed._replace(lines=handed.lines | {"psi": {"frame": "?"}}, notes=[*handed.notes, said])
-    if "r" not in read and "delta_cmd" in read and sense(read["delta_cmd"], derivative(psi, turns=True)) == -1:
+        return handed._replace(lines=handed.lines | {of: {"frame": "?"}}, notes=[*handed.notes, said])
+    if "delta_cmd" in read and sense(read["delta_cmd"], derivative(read[of], turns=True)) == -1:
         said = (
             f"{found['delta_cmd'].column} turns against {name} and the way of x, y: write 'frame: ned' in the first "
             "line and 'frame: iso8855' in its own if these are positive to the right, or 'frame: ned' in its own."
@@ -168,7 +196,7 @@ def _written(
             lines[name] = "ned" if way == -1 else "iso8855"
     if mirrored:
         notes.append(f"{found['r'].column} is positive to the right, as {because} shows: all is read so (frame: ned).")
-        if {"x", "y"} <= set(read) and sense(rates["r"], clockwise(*velocity(read["x"], read["y"], False))) == 1:
+        if {"x", "y"} <= set(read) and sense(rates["r"], clockwise(*velocity(read["x"], read["y"], False))) == -1:
             lines["y"] = "iso8855"
         if "az" in read and float(np.nanmedian(read["az"].values)) > UPRIGHT:
             lines["az"] = "iso8855"

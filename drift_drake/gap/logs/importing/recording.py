@@ -20,7 +20,7 @@ from drift_drake.gap.logs.importing.clocks import own_name, packed_doubts
 from drift_drake.gap.logs.importing.formats.files import InvalidRecordingError, read_topics
 from drift_drake.gap.logs.importing.formats.times import clock_seconds
 from drift_drake.gap.logs.importing.formats.topics import Topic
-from drift_drake.gap.logs.importing.handedness import is_compass
+from drift_drake.gap.logs.importing.handedness import is_compass, passes_north
 from drift_drake.gap.logs.importing.known import POSITION
 from drift_drake.gap.logs.importing.mapping import Clock, RecorderMapping, Signal
 from drift_drake.gap.logs.importing.names import stated_unit
@@ -187,9 +187,9 @@ def _signal(
     if (signal.frame or frame) == "iso8855" and signal.sign == 1.0 and key in ("psi", "course"):
         name, degrees = own_name(topic, column), unit_of(signal.unit) == unit_of("deg")
         if is_compass(name, numbers[rows], degrees, key == "course"):
-            doubts.append(
-                f"'{column}' is a compass' heading, clockwise: it, and what turns with it, needs 'frame: ned'."
-            )
+            sure = key == "psi" or passes_north(numbers[rows], degrees)
+            said = "is a compass' heading, clockwise:" if sure else "may be a compass' heading: if it is clockwise,"
+            doubts.append(f"'{column}' {said} it, and what turns with it, needs 'frame: ned'.")
     return values, doubts + left_out(signal.column, reported, rows, t)
 
 

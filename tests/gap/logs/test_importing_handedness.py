@@ -116,6 +116,38 @@ def test_a_heading_is_held_against_the_way_of_x_and_y(tmp_path, heading, line, r
         assert np.abs(np.mean(wrapped(run.psi - np.interp(run.t, d["t"], d["psi"])))) < 0.02
 
 
+@pytest.mark.parametrize("side", [LEFT, RIGHT])
+@pytest.mark.parametrize("names", [("pos_n", "pos_e"), ("Hochwert [m]", "Rechtswert [m]"), ("pos_nord", "pos_ost")])
+def test_names_of_north_and_east(names, side):
+    d, known, _ = drive(side)
+    place = dict(zip(names, (d["y"], d["x"]), strict=True))
+    guess = guessed_mapping([Topic("", pd.DataFrame(known | place))])
+    assert guess.mapping["frame"] == ("ned" if side == RIGHT else "iso8855")
+    assert not any("Nothing here tells" in note for note in guess.notes)
+
+
+@pytest.mark.parametrize("side", [LEFT, RIGHT])
+@pytest.mark.parametrize("clockwise", [LEFT, RIGHT])
+def test_a_heading_from_the_east_beside_latitude_and_longitude(tmp_path, side, clockwise):
+    pytest.importorskip("pyproj", reason="positions are an extra: pip install 'drift_drake[gps]'")
+    d, known, ways = drive(side)
+    columns = known | ways["gps"] | {"yaw": clockwise * d["psi"]}
+    found = guessed_mapping([Topic("", pd.DataFrame(columns))])
+    (run,), report = imported(tmp_path, columns, found.mapping)
+    course = np.arctan2(np.gradient(run.y), np.gradient(run.x))
+    assert abs(np.median(wrapped(run.psi + np.interp(run.t, d["t"], d["beta"]) - course))) < 0.03
+    assert not report.remarks
+    assert any("yaw is counted from the east" in note for note in found.notes)
+
+
+def test_x_and_y_that_turn_against_the_yaw_rate():
+    _, known, ways = drive(LEFT)
+    d = rows(noise=1.0)
+    found = guessed_mapping([Topic("", pd.DataFrame(known | ways["heading"] | {"x": d["y"], "y": d["x"]}))])
+    lines = found.mapping["signals"]
+    assert (found.mapping["frame"], lines["y"]["frame"], lines["psi"]["frame"]) == ("iso8855", "ned", "ned")
+
+
 @pytest.mark.parametrize("axes", ["x east, y north", "x north, y east"])
 def test_a_compass_beside_x_and_y(tmp_path, axes):
     d = rows(noise=1.0)

@@ -95,7 +95,7 @@ def guessed_mapping(topics: Sequence[Topic]) -> Guess:
         if len(entries) > 1:
             lines[key]["clock"] = of_column[topic.name, column]
     read = {key: dataclasses.replace(signals(c), unit=units[key]).si() for key, c in found.items()}
-    handed = handedness(found, units, read, tracks(topics, signals, place))
+    handed = handedness(found, units, read, tracks(topics, signals, place), place)
     for key, line in handed.lines.items():
         lines[key] |= line
     said += _adapted(lines, read, units) + handed.notes

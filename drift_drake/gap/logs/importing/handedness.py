@@ -18,7 +18,8 @@ from drift_drake.gap.logs.importing.formats.topics import Topic
 from drift_drake.gap.logs.importing.names import COMMON, bracketed, concepts
 from drift_drake.gap.logs.wording.vocabulary import pieces
 
-AXES = {"north": "north", "northing": "north", "n": "north", "east": "east", "easting": "east", "e": "east"}
+AXES = {"north": "north", "northing": "north", "n": "north", "nord": "north", "hochwert": "north",
+        "east": "east", "easting": "east", "e": "east", "ost": "east", "rechtswert": "east"}  # fmt: skip
 LEFT, RIGHT = {"enu", "flu"}, {"ned", "frd", "down"}  # words of a yaw rate that is positive to that side
 WRAP = 0.75  # of a turn, that a heading jumps by where it passes north
 RELATIVE = 1.0  # [deg] from which a heading does not begin where a drive does
@@ -58,7 +59,7 @@ def _axis(topic: Topic, column: str) -> tuple[str, str] | None:
     if not words:  # a name of signs alone
         return None
     way = AXES.get(words[-1]) or next((AXES[word] for word in words if len(word) > 1 and word in AXES), None)
-    said = concepts(" ".join(words))[0] - COMMON - {"earth", "linear", "x", "y"}
+    said = concepts(" ".join(words))[0] - COMMON - {"earth", "linear", "x", "y", "hand"}
     of = {frozenset({"speed"}): "velocity", frozenset({"v"}): "velocity", frozenset({"pos"}): "position"}
     kind = of.get(frozenset(said)) or (None if said or len(words[-1]) == 1 else "position")
     return None if way is None or kind is None or not is_numeric_dtype(topic.table[column]) else (kind, way)
@@ -90,12 +91,13 @@ def passes_north(values: Array, degrees: bool) -> bool:
 
 def handedness(
     found: Mapping[str, ColumnChoice], units: Mapping[str, str], read: Mapping[str, Trace],
-    travel: Sequence[tuple[str, Trace]],
+    travel: Sequence[tuple[str, Trace]], place: tuple[Trace, Trace] | None = None,
 ) -> Handed:  # fmt: skip
     """Which way the chosen columns are positive.
 
     Args:
-        found: columns by quantity, units: theirs, read: readings in SI; travel: of `tracks`.
+        found: columns by quantity, units: theirs, read: readings in SI; travel: of `tracks`; place: latitude and
+            longitude [deg].
     """
     if frame := next((c.topic.frame for c in found.values() if c.topic.frame), ""):
         return Handed(frame, {}, [])
@@ -103,8 +105,10 @@ def handedness(
     rates |= {"r": read["r"]} if "r" in read else {}
     ways: dict[str, int] = {}  # 1: positive to the left, -1: to the right
     because = ""
+    along = _along(read, place)
+    counted = {name: angle for name in ("psi", "course") if name in read and (angle := _counted(read[name], along))}
     for name in ("psi", "course"):
-        if name in found and _is_clockwise(found[name], units[name], read, name):
+        if name in found and _is_clockwise(found[name], units[name], name, counted.get(name)):
             ways[name] = -1
     for says, track in travel[::-1]:
         known = {name: -way for name in ("r", "psi") if name in rates and (way := sense(rates[name], track))}
@@ -118,51 +122,60 @@ def handedness(
         elif words & (LEFT | RIGHT):
             ways["r"], because = (1 if words & LEFT else -1), "its name"
     handed = _written(found, read, rates, ways, because)
-    for name in ("psi", "course"):
-        handed = _by_path(found, read, handed, name) if {"x", "y", name} <= set(found) else handed
+    for name, angle in counted.items():
+        handed = _by_path(found, read, handed, name, angle)
     return handed
 
 
-def _is_clockwise(chosen: ColumnChoice, unit: str, read: Mapping[str, Trace], name: str) -> bool:
+def _is_clockwise(chosen: ColumnChoice, unit: str, name: str, counted: tuple[int, float] | None) -> bool:
     """Whether a heading or a course is a compass'; one that x and y speak for as much is not, for its range alone."""
     if chosen.column in chosen.topic.known:
         return True
     values = Traces({})(chosen).values
     if not is_compass(own_name(chosen.topic, chosen.column), values, unit == "deg", name == "course"):
         return False
-    counted = _counted(read, "course") if name == "course" and {"x", "y"} <= set(read) else None
-    sure = counted is None or counted[0] == -1 or abs(counted[1]) > TURNED
-    return sure or passes_north(values, unit == "deg")
+    alike = name == "course" and counted is not None and counted[0] == 1 and abs(counted[1]) < TURNED
+    return not alike or passes_north(values, unit == "deg")
 
 
-def _counted(read: Mapping[str, Trace], name: str) -> tuple[int, float] | None:
-    """Whether a heading or course turns with the way of x, y (1) or against it (-1), and its value [rad] along x."""
-    ahead, across = velocity(read["x"], read["y"], False)
-    angle = read[name]
-    side = sense(derivative(angle, turns=True), clockwise(ahead, across))
-    known = np.isfinite(angle.t) & np.isfinite(angle.values)
-    if side == 0 or not len(ahead.t):
+def _along(read: Mapping[str, Trace], place: tuple[Trace, Trace] | None) -> tuple[Trace, Trace] | None:
+    """The velocity along x and y; of a latitude and longitude to the north and west, as they are imported."""
+    if {"x", "y"} <= set(read):
+        return velocity(read["x"], read["y"], degrees=False)
+    if place is None:
         return None
+    north, east = velocity(*place, degrees=True)
+    return north, Trace(east.t, -east.values, east.unit)
+
+
+def _counted(angle: Trace, along: tuple[Trace, Trace] | None) -> tuple[int, float] | None:
+    """Whether a heading or course turns as the car's way does (1) or against it (-1), and its value [rad] along x."""
+    side = 0 if along is None else sense(derivative(angle, turns=True), clockwise(*along))
+    if along is None or side == 0:
+        return None
+    ahead, across = along
+    known = np.isfinite(angle.t) & np.isfinite(angle.values)
     turned = np.interp(ahead.t, angle.t[known], np.unwrap(angle.values[known]))
     turned -= side * np.arctan2(across.values, ahead.values)
     return side, float(np.angle(np.sum(np.hypot(ahead.values, across.values) * np.exp(1j * turned))))
 
 
-def _by_path(found: Mapping[str, ColumnChoice], read: Mapping[str, Trace], handed: Handed, of: str) -> Handed:
+def _by_path(
+    found: Mapping[str, ColumnChoice], read: Mapping[str, Trace], handed: Handed, of: str, counted: tuple[int, float]
+) -> Handed:
     """The same, a heading (or course) that is counted from the axis of y, or against the way of x, y, in addition."""
-    counted = _counted(read, of)
-    if counted is None:
-        return handed
     (side, zero), name = counted, found[of].column
     quarters = round(zero / (0.5 * np.pi))
     near = abs(zero - 0.5 * np.pi * quarters) < TURNED
     frames = (handed.lines.get(quantity, {}).get("frame", handed.frame) for quantity in (of, "y"))
     turns, mirror = (-1 if frame == "ned" else 1 for frame in frames)
+    mirror = mirror if "y" in read else 1
     if near and abs(quarters) == 1 and (side == turns * mirror or "r" not in read):
         frame = "ned" if side * mirror == -1 else "iso8855"
         line: dict[str, str | float] = {} if frame == handed.frame else {"frame": frame}
         line["offset"] = round(-side * mirror * 0.5 * np.pi * quarters, 6)
-        said = f"{name} is counted from the axis of y{', clockwise' * (side == -1)}: its frame and offset say so."
+        axis = "the axis of y" if "y" in read else "the east" if quarters * side == 1 else "the west"
+        said = f"{name} is counted from {axis}{', clockwise' * (side == -1)}: its frame and offset say so."
         return handed._replace(lines=handed.lines | {of: line}, notes=[*handed.notes, said])
     if "r" in read or of != "psi":
         return handed
@@ -196,13 +209,15 @@ def _written(
             lines[name] = "ned" if way == -1 else "iso8855"
     if mirrored:
         notes.append(f"{found['r'].column} is positive to the right, as {because} shows: all is read so (frame: ned).")
-        if {"x", "y"} <= set(read) and sense(rates["r"], clockwise(*velocity(read["x"], read["y"], False))) == -1:
-            lines["y"] = "iso8855"
         if "az" in read and float(np.nanmedian(read["az"].values)) > UPRIGHT:
             lines["az"] = "iso8855"
     elif lines.get("psi") == "ned":
         why = "turns against r: it" if "r" in rates else f"({found['psi'].column})"
         notes.append(f"psi {why} is taken for a compass' heading, positive to the right (frame: ned).")
+    if "r" in ways and {"x", "y"} <= set(read):
+        alike = sense(rates["r"], clockwise(*velocity(read["x"], read["y"], degrees=False)))
+        if alike and (alike * ways["r"] == -1) != mirrored:
+            lines["y"] = "iso8855" if mirrored else "ned"
     speed = read.get("v", read.get("vx"))
     if "r" in ways and speed is not None:
         across = product(rates["r"], speed)

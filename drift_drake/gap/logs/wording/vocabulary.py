@@ -172,7 +172,8 @@ def pieces(name: str) -> tuple[str, ...]:
     found: list[str] = []
     for word in re.findall(r"[A-Z]+(?=[A-Z][a-z])|[A-Z]?[a-z]+|[A-Z]+|\d+|[^\W\d_a-zA-Z]+", plain):
         word = word.lower()
-        if found and found[-1] + word in WORDS and (len(found[-1]) == 1 or len(word) == 1):
+        joined = found and found[-1] + word in WORDS and (found[-1], word) != ("pos", "e")  # of north and east
+        if joined and (len(found[-1]) == 1 or len(word) == 1):
             found[-1] += word  # v_x, g-force, gLat
         elif found and (found[-1], word) == ("g", "force"):
             found[-1] = "gforce"

@@ -6,7 +6,7 @@ import numpy as np
 
 from drift_drake.car.equations import kind_of
 from drift_drake.gap.estimation.baseline import seen_of, spread_of, with_partial
-from drift_drake.gap.estimation.lost_blocks import lost_blocks
+from drift_drake.gap.estimation.lost_blocks import lost_blocks, transitions
 from drift_drake.gap.estimation.noise_levels import log_levels
 from drift_drake.gap.estimation.normal import Normal, capped_squares
 from drift_drake.gap.estimation.prediction_constants import CALIBRATED, MODEL_FORM, REGULAR
@@ -58,7 +58,7 @@ def learn_normal(
     normal = Normal(
         names=tuple(names), of_kind=of_kind, kind_units=day.kind_units,
         stride=day.runs[0].stride, units=steps, scales=scales, precision=precision,
-        standard=day.standard, slipping=seen.slipping, blocks=seen.blocks, lost=int(lost.sum()),
+        standard=day.standard, slipping=seen.slipping, blocks=seen.blocks, lost=transitions(lost, day.block, day.run),
         covariance=seen.covariance, information=seen.information, ratio=seen.ratio, expected=shown.known.mean,
         left_open=shown.known.covariance, least_deviations=between, factors=shown.factors, scale=shown.scale,
         left_out=distances, left_out_none=np.ones(len(distances)), covered=drive_coverage(day.runs),

@@ -11,7 +11,7 @@ from drift_drake.gap.estimation.normal import LOST, capped_squares
 FAR = 5.0
 """Root mean square of a block's errors, in robust scales, beyond which its prediction is lost. Most blocks have about
 one, those of a van with a lifted wheel 10 to 50 (validation); no other value was tried."""
-JEFFREYS = 0.5  # both parameters of the Beta prior of the share of such blocks
+JEFFREYS = 0.5  # both parameters of the Beta prior of a chance
 
 
 def lost_blocks(errors: np.ndarray, offset: np.ndarray, scales: np.ndarray, block: np.ndarray) -> np.ndarray:
@@ -25,17 +25,30 @@ def lost_blocks(errors: np.ndarray, offset: np.ndarray, scales: np.ndarray, bloc
     return np.asarray(np.bincount(block, squares) / np.bincount(block) > FAR**2)
 
 
-def as_often(lost: int, blocks: int, baseline_lost: int, baseline_blocks: int) -> bool:
-    """Whether a log and its baseline, which has lost blocks, are more probable with one share of these than with two.
+def transitions(lost: np.ndarray, block: np.ndarray, run: np.ndarray) -> np.ndarray:
+    """How often followed and lost blocks come after followed ones (first row) and lost ones [2, 2].
 
-    The Bayes factor of two binomial samples (Good 1950), with Jeffreys' prior of each share.
+    Args:
+        lost: [blocks] (bool); block, run: of each window [windows]. A run begins as if after driving that is followed.
     """
-    if not 0 < lost < blocks or not baseline_lost:
+    run = run[np.unique(block, return_index=True)[1]]
+    before = np.concatenate([[False], lost[:-1] & (run[1:] == run[:-1])])
+    return np.array([[np.count_nonzero((before == b) & (lost == now)) for now in (False, True)] for b in (False, True)])
+
+
+def as_often(counts: np.ndarray, baseline: np.ndarray) -> bool:
+    """Whether a log and its baseline, which has lost blocks, are more probable with the same chances of them.
+
+    Lost blocks come in stretches, so that one is no evidence beside the one before: the Bayes factor is that of two
+    Markov chains of first order against one, with Jeffreys' prior of each row (Good 1950; Anderson and Goodman 1957).
+
+    Args:
+        counts, baseline: transitions [2, 2] of the log and of the baseline (`transitions`).
+    """
+    if not counts[:, 1].any() or not counts[:, 0].any() or not baseline[:, 1].any():
         return False
-    counts = [(lost, blocks - lost), (baseline_lost, baseline_blocks - baseline_lost)]
 
-    def log_likelihood(one: int, other: int) -> float:
-        return float(betaln(JEFFREYS + one, JEFFREYS + other) - betaln(JEFFREYS, JEFFREYS))
+    def log_likelihood(of: np.ndarray) -> float:
+        return float(np.sum(betaln(JEFFREYS + of[:, 0], JEFFREYS + of[:, 1]) - betaln(JEFFREYS, JEFFREYS)))
 
-    together = log_likelihood(*(sum(parts) for parts in zip(*counts, strict=True)))
-    return together > sum(log_likelihood(*count) for count in counts)
+    return log_likelihood(counts + baseline) > log_likelihood(counts) + log_likelihood(baseline)

@@ -39,7 +39,7 @@ class Normal:
     standard: np.ndarray  # of the driving [2, DRIVING] (`partial.standards`)
     slipping: float  # how much tyres slipped (`baseline.slipping_of`)
     blocks: int
-    lost: int  # of them, whose predictions are lost (`lost_blocks`)
+    lost: np.ndarray  # transitions [2, 2] between blocks that are followed and lost (`lost_blocks`)
     covariance: np.ndarray  # of scores from block to block [m, m]
     information: np.ndarray  # diagonal of a block's information [m]
     ratio: float  # of that scatter to the one that the information tells of
@@ -79,7 +79,6 @@ def normal_from_data(data: Mapping[str, object]) -> Normal:
     arrays = {f.name: data[f.name] for f in dataclasses.fields(Normal)}
     names, of_kind = (tuple(str(name) for name in arrays.pop(key)) for key in ("names", "of_kind"))  # type: ignore[attr-defined]
     blocks = int(number(arrays.pop("blocks"), lambda count: count >= 1.0 and count == round(count)))
-    lost = int(number(arrays.pop("lost"), lambda count: count >= 0.0 and count == round(count)))
     stride = number(arrays.pop("stride"), lambda seconds: 0.0 < seconds <= STRIDE)
     ratio, scale = (number(arrays.pop(key), lambda q: 0.0 < q < LARGEST_NUMBER) for key in ("ratio", "scale"))
     slipping = number(arrays.pop("slipping"), lambda q: abs(q) < LARGEST_LOGARITHM)
@@ -89,7 +88,6 @@ def normal_from_data(data: Mapping[str, object]) -> Normal:
             of_kind=of_kind,
             stride=stride,
             blocks=blocks,
-            lost=lost,
             ratio=ratio,
             scale=scale,
             slipping=slipping,
@@ -118,6 +116,7 @@ def _check_normal(normal: Normal) -> None:
         "left_out": (recordings,),
         "left_out_none": (recordings,),
         "noise": (len(normal.noise), len(PREDICTED)),
+        "lost": (2, 2),
     }
     shapes |= dict.fromkeys(("expected", "information"), (scores,))
     shapes |= dict.fromkeys(("covariance", "left_open"), (scores, scores))
@@ -129,7 +128,7 @@ def _check_normal(normal: Normal) -> None:
     for key in ("units", "kind_units", "scales", "standard"):
         if np.min(getattr(normal, key)[-1] if key == "standard" else getattr(normal, key), initial=1.0) <= 0.0:
             raise ValueError(f"'{key}' must be above zero")
-    for key in ("information", "covered", "level", "left_out", "left_out_none"):
+    for key in ("information", "covered", "level", "left_out", "left_out_none", "lost"):
         if np.min(getattr(normal, key), initial=0.0) < 0.0:
             raise ValueError(f"'{key}' must be zero or more")
     for key in ("precision", "covariance", "left_open", "unknown", "recording"):

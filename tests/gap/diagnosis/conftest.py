@@ -2,6 +2,7 @@
 
 import dataclasses
 
+import numpy as np
 import pytest
 
 from drift_drake.gap.diagnosis.calibrated.diagnose_change import diagnose_change, search_of
@@ -21,11 +22,15 @@ CONSIDERED = (
 def diagnosed(other_car):
     """A function: runs of a later day to their diagnosis, with few effects considered.
 
-    lost: blocks of its baseline whose predictions are taken to have been lost.
+    lost: blocks of its baseline whose predictions are taken to have been lost, in one stretch.
     """
 
     def diagnosis(runs, case="day", catalogue=CONSIDERED, lost=0):
-        car, normal = other_car.found, dataclasses.replace(other_car.normal, lost=lost)
+        normal = other_car.normal
+        if lost:
+            counts = np.array([[normal.blocks - lost - 1, 1], [1, lost - 1]])
+            normal = dataclasses.replace(normal, lost=counts)
+        car = other_car.found
         return diagnose_change(runs, car.vehicle, normal, car.effects, case, 1, catalogue=catalogue)
 
     return diagnosis

@@ -7,7 +7,7 @@ and what acts in all of the driving is lost among them.
 import numpy as np
 
 from drift_drake.gap.diagnosis.calibrated.changed_car import changed_car
-from drift_drake.gap.estimation.lost_blocks import as_often, lost_blocks
+from drift_drake.gap.estimation.lost_blocks import as_often, lost_blocks, transitions
 from drift_drake.gap.estimation.scores import block_scores
 from drift_drake.gap.evidence.hypotheses import Hypothesis
 from drift_drake.gap.evidence.posterior import NONE
@@ -38,7 +38,7 @@ def usual_blocks(search: Search) -> np.ndarray:
     """Blocks [blocks] (bool) that no prediction follows, if the baseline has as many of these; else none."""
     day, normal = search.day, search.normal
     lost = lost_blocks(day.errors, normal.offset, normal.scales, day.block)
-    usual = as_often(int(lost.sum()), day.blocks, normal.lost, normal.blocks)
+    usual = as_often(transitions(lost, day.block, day.run), normal.lost)
     return lost if usual else np.zeros_like(lost)
 
 

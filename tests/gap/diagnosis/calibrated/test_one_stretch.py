@@ -60,7 +60,7 @@ def test_without_them_the_day_is_as_it_was(search, odd_search):
 
 def test_seconds_that_no_prediction_follows_are_usual_where_the_baseline_has_as_many(odd_search):
     assert not np.any(usual_blocks(odd_search))  # the baseline has none
-    day, normal = odd_search.day, dataclasses.replace(odd_search.normal, lost=2)
+    day, normal = odd_search.day, dataclasses.replace(odd_search.normal, lost=np.array([[20, 2], [2, 0]]))
     usual = usual_blocks(Search(day, normal, odd_search.vehicle, list(odd_search.ranges)))
     t = day.runs[0].starts * day.runs[0].period
     far = np.unique(day.block[: len(t)][(t >= FIRST) & (t < LAST)])

@@ -15,6 +15,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from drift_drake.cli.main import main
+from drift_drake.gap.logs.importing.formats import text_tables
 from drift_drake.gap.logs.importing.formats.files import InvalidRecordingError, read_topics
 from drift_drake.gap.logs.importing.importer import import_recordings
 from drift_drake.gap.logs.importing.look import look, mapping_text
@@ -274,3 +275,11 @@ def test_tables_in_the_encodings_of_their_countries(tmp_path, encoding, names):
     (tmp_path / "a.csv").write_bytes(f"{names}\n{rows}\n".encode(encoding))
     (topic,) = read_topics(tmp_path / "a.csv")
     assert list(topic.table) == names.split(",")
+
+
+def test_rows_that_are_longer_than_their_header_lose_nothing_without_a_word(tmp_path):
+    """Given what pandas would cut off with a warning of its own."""
+    path = tmp_path / "a.csv"
+    path.write_text("1,2,3\n4,5,6\n")
+    with pytest.raises(ValueError, match="rows have more fields than its header has names"):
+        text_tables._table(path, header=None, names=range(2), index_col=False)

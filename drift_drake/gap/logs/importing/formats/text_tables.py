@@ -1,6 +1,7 @@
 """CSV and other text tables, as spreadsheets and race loggers write them (`layout`), to one topic."""
 
 import re
+import warnings
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
@@ -57,9 +58,14 @@ def _read_plain(path: Path, packed: str | None, encoding: str) -> Topic:
 
 def _table(path: Path, **options: Any) -> pd.DataFrame:
     """What pandas reads; a large table of numbers alone in pieces, which takes half the memory."""
-    if path.stat().st_size > LARGE and (columns := _numbers(path, options)) is not None:
-        return pd.DataFrame(columns, copy=False)
-    return pd.read_csv(path, low_memory=False, **options)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", pd.errors.ParserWarning)
+        try:
+            if path.stat().st_size > LARGE and (columns := _numbers(path, options)) is not None:
+                return pd.DataFrame(columns, copy=False)
+            return pd.read_csv(path, low_memory=False, **options)
+        except pd.errors.ParserWarning:
+            raise ValueError("its rows have more fields than its header has names; name each column") from None
 
 
 def _numbers(path: Path, options: dict[str, Any]) -> dict[Any, Array] | None:

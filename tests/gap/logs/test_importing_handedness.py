@@ -177,6 +177,14 @@ def test_a_course_that_x_and_y_speak_for_as_much_as_a_compass_is_asked(tmp_path)
     assert "'Kurswinkel [°]' may be a compass' heading" in said
 
 
+@pytest.mark.parametrize(("name", "said"), [("Kurswinkel [°]", True), ("course_over_ground [deg]", False)])
+def test_a_course_of_which_only_the_range_speaks_for_a_compass_is_doubted(name, said):
+    d, known, _ = drive(LEFT)
+    found = guessed_mapping([Topic("", pd.DataFrame(known | {name: np.degrees(d["psi"] + d["beta"])}))])
+    assert found.mapping["frame"] == "ned"
+    assert any("Only its range speaks for a compass" in note for note in found.notes) == said
+
+
 def test_steering_against_a_heading_and_its_way_is_asked():
     d = rows(noise=1.0)
     columns = {"t": d["t"], "x": d["x"], "y": -d["y"], "heading": wrapped(-d["psi"]), "steer": d["delta_cmd"]}

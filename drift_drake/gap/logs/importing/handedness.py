@@ -23,6 +23,8 @@ AXES = {"north": "north", "northing": "north", "n": "north", "nord": "north", "h
 LEFT, RIGHT = {"enu", "flu"}, {"ned", "frd", "down"}  # words of a yaw rate that is positive to that side
 WRAP = 0.75  # of a turn, that a heading jumps by where it passes north
 RELATIVE = 1.0  # [deg] from which a heading does not begin where a drive does
+GROUND = {"cog", "ground", "gps", "gnss", "bearing", "track", "north"}  # words of a course that is a compass'
+DOUBT = " Only its range speaks for a compass: if it is counted to the left, write 'frame: iso8855'."
 UPRIGHT = 5.0  # [m/s^2] of a vertical acceleration that is gravity
 TURNED = 0.35  # [rad] of sideslip on average, within which a heading's zero lies at an axis of x, y
 
@@ -104,7 +106,7 @@ def handedness(
     rates = {name: derivative(read[name], turns=True) for name in ("psi", "course") if name in read}
     rates |= {"r": read["r"]} if "r" in read else {}
     ways: dict[str, int] = {}  # 1: positive to the left, -1: to the right
-    because = ""
+    because = doubt = ""
     along = _along(read, place)
     counted = {name: angle for name in ("psi", "course") if name in read and (angle := _counted(read[name], along))}
     for name in ("psi", "course"):
@@ -119,9 +121,10 @@ def handedness(
         if said:
             name, ways["r"] = next(iter(said.items()))
             because = f"{found[name].column}, clockwise from north,"
+            doubt = DOUBT if _by_range(found[name], units[name], name) else ""
         elif words & (LEFT | RIGHT):
             ways["r"], because = (1 if words & LEFT else -1), "its name"
-    handed = _written(found, read, rates, ways, because)
+    handed = _written(found, read, rates, ways, because, doubt)
     for name, angle in counted.items():
         handed = _by_path(found, read, handed, name, angle)
     return handed
@@ -136,6 +139,12 @@ def _is_clockwise(chosen: ColumnChoice, unit: str, name: str, counted: tuple[int
         return False
     alike = name == "course" and counted is not None and counted[0] == 1 and abs(counted[1]) < TURNED
     return not alike or passes_north(values, unit == "deg")
+
+
+def _by_range(chosen: ColumnChoice, unit: str, name: str) -> bool:
+    """Whether nothing but its range and the word makes a course a compass'."""
+    sure = chosen.column in chosen.topic.known or GROUND & set(pieces(chosen.column)) or name != "course"
+    return not sure and not passes_north(Traces({})(chosen).values, unit == "deg")
 
 
 def _along(read: Mapping[str, Trace], place: tuple[Trace, Trace] | None) -> tuple[Trace, Trace] | None:
@@ -196,7 +205,7 @@ def _by_path(
 
 def _written(
     found: Mapping[str, ColumnChoice], read: Mapping[str, Trace], rates: Mapping[str, Trace], ways: dict[str, int],
-    because: str,
+    because: str, doubt: str,
 ) -> Handed:  # fmt: skip
     """The frames by which all is positive to the left."""
     mirrored = ways.get("r") == -1
@@ -208,7 +217,8 @@ def _written(
         if (way == -1) != mirrored:
             lines[name] = "ned" if way == -1 else "iso8855"
     if mirrored:
-        notes.append(f"{found['r'].column} is positive to the right, as {because} shows: all is read so (frame: ned).")
+        said = f"{found['r'].column} is positive to the right, as {because} shows: all is read so (frame: ned)."
+        notes.append(said + doubt)
         if "az" in read and float(np.nanmedian(read["az"].values)) > UPRIGHT:
             lines["az"] = "iso8855"
     elif lines.get("psi") == "ned":

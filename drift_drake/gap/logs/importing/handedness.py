@@ -24,7 +24,7 @@ LEFT, RIGHT = {"enu", "flu"}, {"ned", "frd", "down"}  # words of a yaw rate that
 WRAP = 0.75  # of a turn, that a heading jumps by where it passes north
 RELATIVE = 1.0  # [deg] from which a heading does not begin where a drive does
 GROUND = {"cog", "ground", "gps", "gnss", "bearing", "track", "north"}  # words of a course that is a compass'
-DOUBT = " Only its range speaks for a compass: if it is counted to the left, write 'frame: iso8855'."
+DOUBT = " Only its range speaks for a compass: if it is counted to the left, write "
 UPRIGHT = 5.0  # [m/s^2] of a vertical acceleration that is gravity
 TURNED = 0.35  # [rad] of sideslip on average, within which a heading's zero lies at an axis of x, y
 
@@ -106,7 +106,7 @@ def handedness(
     rates = {name: derivative(read[name], turns=True) for name in ("psi", "course") if name in read}
     rates |= {"r": read["r"]} if "r" in read else {}
     ways: dict[str, int] = {}  # 1: positive to the left, -1: to the right
-    because = doubt = ""
+    because, doubt = "", False
     along = _along(read, place)
     counted = {name: angle for name in ("psi", "course") if name in read and (angle := _counted(read[name], along))}
     for name in ("psi", "course"):
@@ -121,7 +121,7 @@ def handedness(
         if said:
             name, ways["r"] = next(iter(said.items()))
             because = f"{found[name].column}, clockwise from north,"
-            doubt = DOUBT if _by_range(found[name], units[name], name) else ""
+            doubt = _by_range(found[name], units[name], name)
         elif words & (LEFT | RIGHT):
             ways["r"], because = (1 if words & LEFT else -1), "its name"
     handed = _written(found, read, rates, ways, because, doubt)
@@ -205,7 +205,7 @@ def _by_path(
 
 def _written(
     found: Mapping[str, ColumnChoice], read: Mapping[str, Trace], rates: Mapping[str, Trace], ways: dict[str, int],
-    because: str, doubt: str,
+    because: str, doubt: bool,
 ) -> Handed:  # fmt: skip
     """The frames by which all is positive to the left."""
     mirrored = ways.get("r") == -1
@@ -218,7 +218,7 @@ def _written(
             lines[name] = "ned" if way == -1 else "iso8855"
     if mirrored:
         said = f"{found['r'].column} is positive to the right, as {because} shows: all is read so (frame: ned)."
-        notes.append(said + doubt)
+        notes.append(f"{said}{DOUBT}'frame: iso8855'." if doubt else said)
         if "az" in read and float(np.nanmedian(read["az"].values)) > UPRIGHT:
             lines["az"] = "iso8855"
     elif lines.get("psi") == "ned":
@@ -228,6 +228,9 @@ def _written(
         alike = sense(rates["r"], clockwise(*velocity(read["x"], read["y"], degrees=False)))
         if alike and (alike * ways["r"] == -1) != mirrored:
             lines["y"] = "iso8855" if mirrored else "ned"
+    if doubt and not mirrored:
+        said = f"{found['r'].column} is positive to the left, as {because} shows."
+        notes.append(f"{said}{DOUBT}'frame: ned', and 'frame: iso8855' in the line of the course.")
     speed = read.get("v", read.get("vx"))
     if "r" in ways and speed is not None:
         across = product(rates["r"], speed)

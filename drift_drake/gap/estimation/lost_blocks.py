@@ -39,7 +39,7 @@ def transitions(lost: np.ndarray, block: np.ndarray, run: np.ndarray) -> np.ndar
 def as_often(counts: np.ndarray, baseline: np.ndarray) -> bool:
     """Whether a log and its baseline, which has lost blocks, are more probable with the same chances of them.
 
-    Lost blocks come in stretches, so that one is no evidence beside the one before: the Bayes factor is that of two
+    Lost blocks come in stretches, so that one is little evidence after the one before: the Bayes factor is that of two
     Markov chains of first order against one, with Jeffreys' prior of each row (Good 1950; Anderson and Goodman 1957).
 
     Args:

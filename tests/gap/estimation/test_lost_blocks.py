@@ -37,8 +37,8 @@ def test_transitions_are_counted_within_runs() -> None:
     [
         ([[18, 1], [1, 4]], [[21, 1], [1, 1]], True),  # one stretch of five blocks, and one of two
         ([[18, 3], [3, 0]], [[21, 1], [1, 1]], True),
-        ([[5, 9], [9, 1]], [[22, 1], [1, 0]], False),  # nine stretches beside one
-        ([[2, 2], [1, 19]], [[18, 3], [3, 0]], False),  # stretches that do not end, beside short ones
+        ([[5, 9], [9, 1]], [[22, 1], [1, 0]], False),  # nine stretches, and one
+        ([[2, 2], [1, 19]], [[18, 3], [3, 0]], False),  # stretches that do not end, and short ones
         ([[21, 2], [1, 0]], [[24, 0], [0, 0]], False),
         ([[24, 0], [0, 0]], [[20, 2], [2, 0]], False),
         ([[0, 4], [0, 20]], [[20, 2], [2, 0]], False),

@@ -37,7 +37,7 @@ ASKED = ("Nothing here tells", "Only its range speaks", "?")
 
 
 def recorded(position, heading, name, course, side, against, slip):
-    """The columns of a recorder; side, against: of the yaw rate, and of accelerations and steering beside it."""
+    """The columns of a recorder; side, against: of the yaw rate, and of accelerations and steering relative to it."""
     out = {"time": D["t"], "yaw_rate_deg_s": side * np.degrees(D["r"]), "lat_acc": side * against * D["ay"]}
     out["steer_angle"] = side * against * D["delta_cmd"]
     out |= {key: side * values for key, values in SLIP[slip].items()}
@@ -51,7 +51,7 @@ def recorded(position, heading, name, course, side, against, slip):
 
 
 def mirrored(run):
-    """Columns that are not as the drive was; of a heading beside a position, that it is not the way's."""
+    """Columns that are not as the drive was; of a heading next to a position, that it is not the way's."""
     names = [name for name in ("r", "ay", "delta_cmd", "beta") if run.column(name) is not None]
     wrong = [name for name in names if alike(run.column(name), np.interp(run.t, D["t"], D[name])) < 0.3]
     if run.x is None or run.psi is None:

@@ -128,7 +128,7 @@ def test_names_of_north_and_east(names, side):
 
 @pytest.mark.parametrize("side", [LEFT, RIGHT])
 @pytest.mark.parametrize("clockwise", [LEFT, RIGHT])
-def test_a_heading_from_the_east_beside_latitude_and_longitude(tmp_path, side, clockwise):
+def test_a_heading_from_the_east_next_to_latitude_and_longitude(tmp_path, side, clockwise):
     pytest.importorskip("pyproj", reason="positions are an extra: pip install 'drift_drake[gps]'")
     d, known, ways = drive(side)
     columns = known | ways["gps"] | {"yaw": clockwise * d["psi"]}
@@ -149,7 +149,7 @@ def test_x_and_y_that_turn_against_the_yaw_rate():
 
 
 @pytest.mark.parametrize("axes", ["x east, y north", "x north, y east"])
-def test_a_compass_beside_x_and_y(tmp_path, axes):
+def test_a_compass_next_to_x_and_y(tmp_path, axes):
     d = rows(noise=1.0)
     x, y = (d["x"], d["y"]) if axes == "x east, y north" else (d["y"], d["x"])
     compass = {"heading": d["psi"], "course_over_ground": d["psi"] + d["beta"]}

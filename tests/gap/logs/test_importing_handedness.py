@@ -86,6 +86,18 @@ def test_a_heading_without_a_yaw_rate_is_turned():
     assert (found["frame"], found["signals"]["psi"]["frame"]) == ("iso8855", "ned")
 
 
+@pytest.mark.parametrize("way", ["heading", "course"])
+def test_a_compass_next_to_a_position_without_a_yaw_rate(tmp_path, way):
+    pytest.importorskip("pyproj", reason="positions are an extra: pip install 'drift_drake[gps]'")
+    d, known, ways = drive(LEFT)
+    del known["yaw_rate"]
+    found = guessed_mapping([Topic("", pd.DataFrame(known | ways["gps"] | ways[way]))]).mapping
+    assert (found["frame"], found["signals"]["course"]["frame"]) == ("iso8855", "ned")
+    sliding = {"heading": (90.0 - np.degrees(d["psi"] - 0.5)) % 360.0}  # not where the car moves
+    found = guessed_mapping([Topic("", pd.DataFrame(known | ways["gps"] | sliding))]).mapping
+    assert (found["frame"], found["signals"]["psi"]["frame"]) == ("iso8855", "ned")
+
+
 def wrapped(angle):
     return np.angle(np.exp(1j * angle))
 

@@ -186,7 +186,7 @@ def _by_path(
         axis = "the axis of y" if "y" in read else "the east" if quarters * side == 1 else "the west"
         said = f"{name} is counted from {axis}{', clockwise' * (side == -1)}: its frame and offset say so."
         return handed._replace(lines=handed.lines | {of: line}, notes=[*handed.notes, said])
-    if "r" in read or of != "psi":
+    if "r" in read or "y" not in read or of != "psi":
         return handed
     if side == -1:
         said = (

@@ -87,7 +87,7 @@ def test_a_heading_without_a_yaw_rate_is_turned():
 
 
 @pytest.mark.parametrize("way", ["heading", "course"])
-def test_a_compass_next_to_a_position_without_a_yaw_rate(tmp_path, way):
+def test_a_compass_next_to_a_position_without_a_yaw_rate(way):
     pytest.importorskip("pyproj", reason="positions are an extra: pip install 'drift_drake[gps]'")
     d, known, ways = drive(LEFT)
     del known["yaw_rate"]

@@ -12,7 +12,8 @@ pytest.importorskip("pyproj", reason="positions are an extra: pip install 'drift
 from drift_drake.gap.logs.importing.formats.topics import Topic
 from drift_drake.gap.logs.importing.guess import guessed_mapping
 from drift_drake.gap.logs.importing.importer import import_recordings
-from drift_drake.gap.logs.importing.mapping import mapping_from_dict
+from drift_drake.gap.logs.importing.known import is_path_only
+from drift_drake.gap.logs.importing.mapping import InvalidMappingError, mapping_from_dict
 
 D = rows(noise=0.5, seed=2)  # x is the east, y the north
 COURSE, METRES = D["psi"] + D["beta"], 6.371e6 * np.pi / 180.0
@@ -74,21 +75,43 @@ def combinations():
     yield from itertools.product(POSITIONS, ["none", "compass"], ["heading"], courses, *sides, ["none", "beta"])
 
 
-@pytest.mark.slow
-def test_no_convention_is_misread_without_a_word(tmp_path):
-    wrong, asked, right = [], 0, 0
+def outcomes(tmp_path, without=()):
+    """Of each combination its columns that are wrong and the remarks on them; "asked" where something is left open."""
     for chosen in combinations():
-        columns = recorded(*chosen)
+        columns = {name: values for name, values in recorded(*chosen).items() if name not in without}
         guess = guessed_mapping([Topic("", pd.DataFrame(columns))])
         if any(word in f"{guess.notes} {guess.mapping}" for word in ASKED):
-            asked += 1
+            yield chosen, "asked", []
             continue
         pd.DataFrame(columns).to_csv(tmp_path / "a.csv", index=False)
-        (run,), report = import_recordings([tmp_path / "a.csv"], mapping_from_dict(guess.mapping))
+        try:
+            mapping = mapping_from_dict(guess.mapping)
+        except InvalidMappingError:
+            if not without:
+                raise
+            continue  # nothing gives r: it is refused
+        if is_path_only(mapping):
+            continue
+        (run,), report = import_recordings([tmp_path / "a.csv"], mapping)
         relative = chosen[1] == "from its start"
-        found = [name for name in mirrored(run) if not (name == "psi" and relative)]
-        right += not found
-        wrong += [(chosen, found, report.remarks)] if found else []
-    print(f"{right} right, {asked} asked")
-    assert wrong == []
-    assert right > asked
+        yield chosen, [name for name in mirrored(run) if not (name == "psi" and relative)], report.remarks
+
+
+@pytest.mark.slow
+def test_no_convention_is_misread_without_a_word(tmp_path):
+    found = list(outcomes(tmp_path))
+    asked, right = ([one for one in found if one[1] == what] for what in ("asked", []))
+    print(f"{len(right)} right, {len(asked)} asked")
+    assert [one for one in found if one not in asked and one not in right] == []
+    assert len(right) > len(asked)
+
+
+@pytest.mark.slow
+def test_of_a_log_without_a_yaw_rate_the_heading_tells(tmp_path):
+    """A sideslip to the other side than accelerations and steering is all that only import remarks on."""
+    with_heading = [one for one in outcomes(tmp_path, ("yaw_rate_deg_s",)) if one[0][1] != "none"]
+    wrong = [one for one in with_heading if one[1] not in ("asked", [])]
+    assert all(
+        names == ["beta"] and any("beta looks mirrored" in said for said in remarks) for _, names, remarks in wrong
+    )
+    assert any(names == [] for _, names, _ in with_heading)

@@ -98,6 +98,25 @@ def test_a_compass_next_to_a_position_without_a_yaw_rate(way):
     assert (found["frame"], found["signals"]["psi"]["frame"]) == ("iso8855", "ned")
 
 
+@pytest.mark.parametrize("side", [LEFT, RIGHT])
+def test_without_a_yaw_rate_a_compass_tells_the_side_of_the_others(side):
+    d, known, ways = drive(side)
+    del known["yaw_rate"]
+    columns = known | ways["heading"] | {"x": d["x"], "y": d["y"]}
+    found = guessed_mapping([Topic("", pd.DataFrame(columns))]).mapping
+    assert found["frame"] == ("ned" if side == RIGHT else "iso8855")
+    lines = {name: line.get("frame", found["frame"]) for name, line in found["signals"].items()}
+    assert (lines["psi"], lines["y"]) == ("ned", "iso8855")
+    assert {lines["ay"], lines["delta_cmd"]} == {found["frame"]}
+
+
+def test_without_a_yaw_rate_a_log_that_is_mirrored_as_a_whole_is_asked():
+    d, known, _ = drive(LEFT)
+    del known["yaw_rate"]
+    found = guessed_mapping([Topic("", pd.DataFrame(known | {"x": d["x"], "y": d["y"], "yaw": d["psi"]}))])
+    assert any("mirrored as a whole" in note for note in found.notes)
+
+
 def wrapped(angle):
     return np.angle(np.exp(1j * angle))
 

@@ -25,6 +25,10 @@ WRAP = 0.75  # of a turn, that a heading jumps by where it passes north
 RELATIVE = 1.0  # [deg] from which a heading does not begin where a drive does
 GROUND = {"cog", "ground", "gps", "gnss", "bearing", "track", "north"}  # words of a course that is a compass'
 DOUBT = " Only its range speaks for a compass: if it is counted to the left, write "
+WHOLE = (
+    "Nothing here tells a log from one that is mirrored as a whole: see that psi grows in a left turn; if it does not, "
+    "write 'ned' for 'iso8855' in the first line, or the other way round, and in the lines that have a frame."
+)
 UPRIGHT = 5.0  # [m/s^2] of a vertical acceleration that is gravity
 TURNED = 0.35  # [rad] of sideslip on average, within which a heading's zero lies at an axis of x, y
 
@@ -115,6 +119,11 @@ def handedness(
     for says, track in travel[::-1]:
         known = {name: -way for name in ("r", "psi") if name in rates and (way := sense(rates[name], track))}
         ways, because = ways | known, says if "r" in known else because
+    known_way = bool(ways)
+    if "r" not in rates and "psi" in rates:
+        heading = ways.get("psi") or _from_axis_of_y(counted.get("psi"))
+        rates, ways = _by_heading(read, rates, ways | ({"psi": heading} if heading else {}))
+        because = found["psi"].column
     if "r" in rates and "r" not in ways:
         words = {*pieces(found["r"].topic.name), *pieces(found["r"].column)}
         said = {name: ways[name] * way for name in ways if (way := sense(rates["r"], rates[name]))}
@@ -127,7 +136,25 @@ def handedness(
     handed = _written(found, read, rates, ways, because, doubt)
     for name, angle in counted.items():
         handed = _by_path(found, read, handed, name, angle)
-    return handed
+    return handed if "r" in read or known_way or "psi" not in read else handed._replace(notes=[*handed.notes, WHOLE])
+
+
+def _from_axis_of_y(counted: tuple[int, float] | None) -> int:
+    """Which way a heading that is counted from the axis of y is positive; 0 of any other."""
+    return counted[0] if counted is not None and abs(abs(counted[1]) - 0.5 * np.pi) < TURNED else 0
+
+
+def _by_heading(
+    read: Mapping[str, Trace], rates: dict[str, Trace], ways: dict[str, int]
+) -> tuple[dict[str, Trace], dict[str, int]]:
+    """Of a log without a yaw rate: the heading's, positive to the side to which the acceleration or the steering is."""
+    speed = read.get("v", read.get("vx"))
+    if "psi" not in ways or speed is None:
+        return rates, ways
+    left = Trace(rates["psi"].t, ways["psi"] * rates["psi"].values, rates["psi"].unit)
+    across = product(left, speed)
+    side = next((way for name in ("ay", "delta_cmd") if name in read and (way := sense(read[name], across))), 1)
+    return rates | {"r": Trace(left.t, side * left.values, left.unit)}, ways | {"r": side}
 
 
 def _is_clockwise(chosen: ColumnChoice, unit: str, name: str, counted: tuple[int, float] | None) -> bool:
@@ -209,6 +236,7 @@ def _written(
 ) -> Handed:  # fmt: skip
     """The frames by which all is positive to the left."""
     mirrored = ways.get("r") == -1
+    of = next((found[name].column for name in ("r", "ay", "delta_cmd") if name in found), "")
     lines: dict[str, str] = {}
     notes = []
     for name in [name for name in rates if name != "r"]:
@@ -217,26 +245,27 @@ def _written(
         if (way == -1) != mirrored:
             lines[name] = "ned" if way == -1 else "iso8855"
     if mirrored:
-        said = f"{found['r'].column} is positive to the right, as {because} shows: all is read so (frame: ned)."
+        said = f"{of} is positive to the right, as {because} shows: all is read so (frame: ned)."
         notes.append(f"{said}{DOUBT}'frame: iso8855'." if doubt else said)
         if "az" in read and float(np.nanmedian(read["az"].values)) > UPRIGHT:
             lines["az"] = "iso8855"
     elif lines.get("psi") == "ned":
-        why = "turns against r: it" if "r" in rates else f"({found['psi'].column})"
+        why = "turns against r: it" if "r" in read else f"({found['psi'].column})"
         notes.append(f"psi {why} is taken for a compass' heading, positive to the right (frame: ned).")
     if "r" in ways and {"x", "y"} <= set(read):
         alike = sense(rates["r"], clockwise(*velocity(read["x"], read["y"], degrees=False)))
         if alike and (alike * ways["r"] == -1) != mirrored:
             lines["y"] = "iso8855" if mirrored else "ned"
     if doubt and not mirrored:
-        said = f"{found['r'].column} is positive to the left, as {because} shows."
+        said = f"{of} is positive to the left, as {because} shows."
         notes.append(f"{said}{DOUBT}'frame: ned', and 'frame: iso8855' in the line of the course.")
     speed = read.get("v", read.get("vx"))
     if "r" in ways and speed is not None:
         across = product(rates["r"], speed)
         against = [name for name in ("ay", "delta_cmd") if name in read and sense(read[name], across) == -1]
         lines |= dict.fromkeys(against, "iso8855" if mirrored else "ned")
-        notes += [f"{name} turns against r: it is positive to the other side (its frame)." for name in against]
+        turning = "r" if "r" in read else "the heading"
+        notes += [f"{name} turns against {turning}: it is positive to the other side (its frame)." for name in against]
     elif "r" in rates and "r" not in ways and found["r"].column != "r" and not found["r"].topic.name.startswith("/"):
         notes.append(
             "Nothing here tells whether r is positive to the left: if it is negative in a left turn, write "

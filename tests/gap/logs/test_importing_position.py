@@ -9,6 +9,7 @@ import yaml
 
 from drift_drake.cli.main import main
 from drift_drake.gap.logs.importing.formats.files import InvalidRecordingError
+from drift_drake.gap.logs.importing.import_logs import import_logs
 from drift_drake.gap.logs.importing.importer import import_recordings
 from drift_drake.gap.logs.importing.look import look
 from drift_drake.gap.logs.importing.mapping import InvalidMappingError, mapping_from_dict
@@ -93,6 +94,8 @@ def test_a_gps_log_alone_tells_its_path(tmp_path, capsys):
     assert report["paths"] == ["lap"]
     assert main(["check", str(out)]) == 2
     assert "holds no runs" in capsys.readouterr().err
+    with pytest.raises(InvalidMappingError, match="gives a path alone"):
+        import_logs(tmp_path / "lap.csv", tmp_path / "m.yaml")
 
 
 MAPPING = {

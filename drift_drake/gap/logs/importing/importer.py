@@ -14,7 +14,8 @@ from drift_drake.gap.logs.importing.checks import doubts_of
 from drift_drake.gap.logs.importing.clocks import clock_doubts
 from drift_drake.gap.logs.importing.formats.files import InvalidRecordingError
 from drift_drake.gap.logs.importing.formula import evaluate
-from drift_drake.gap.logs.importing.mapping import RecorderMapping
+from drift_drake.gap.logs.importing.known import is_path_only
+from drift_drake.gap.logs.importing.mapping import InvalidMappingError, RecorderMapping
 from drift_drake.gap.logs.importing.offsets import ClockReport, clock_offsets
 from drift_drake.gap.logs.importing.position import course_doubts
 from drift_drake.gap.logs.importing.recording import Recording, read_recording
@@ -85,7 +86,13 @@ def import_recordings(
 
     Raises:
         InvalidRecordingError: a file cannot be used; the message names it, the place and the remedy.
+        InvalidMappingError: it gives a path alone.
     """
+    if is_path_only(mapping):
+        raise InvalidMappingError(
+            "the mapping gives a path alone, which the command 'drift-drake import' writes; runs need a yaw rate and a "
+            "steering command: map them (of gentle driving, 'formulas: {r: course_rate}')"
+        )
     if not paths:
         raise InvalidRecordingError("no recordings; give some files")
     pieces: list[Piece] = []

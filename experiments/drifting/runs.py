@@ -4,12 +4,11 @@ Models: `nominal` (the nominal car), `prior` (the learnt model, not adapted), `o
 (adapted beforehand on one drive planned by OCP, on one and on two planned by Info-OCP), `online` (the prior, adapting
 while it drives, the actuators' lags too), `offset_free` (the same, and what is left over taken for an offset),
 `twice_online` (Twice-Info, adapting while it drives), `identified` (the car that Twice-Info's two drives identify),
-`varied` (as `offset_free`, with
-the prior of cars of many structures), `hybrid` (the identified car and, adapting while it drives, what it leaves over),
-`chosen` (of identified, hybrid and varied what these drives allow, `gap.choose`), `chosen_once` (the same after the
-first of the two drives) and `oracle` (the true car with its true effects). All else, the MPC's weights too, is the same
-for all of them. What is gathered of a vehicle is gathered once for each noise seed, and shared by the models that need
-it.
+`varied` (as `offset_free`, with the prior of cars of many structures), `hybrid` (the identified car and, adapting
+while it drives, what it leaves over), `chosen` (of identified, hybrid and varied what these drives allow,
+`gap.choose`), `chosen_once` (the same after the first of the two drives) and `oracle` (the true car with its true
+effects). All else, the MPC's weights too, is the same for all of them. What is gathered of a vehicle is gathered once
+for each noise seed, and shared by the models that need it.
 """
 
 import dataclasses
@@ -24,6 +23,7 @@ import pandas as pd
 
 from drift_drake.car.double_track.parameters import DoubleTrackParameters
 from drift_drake.car.effects.magnitudes import Effects
+from drift_drake.car.internal_states import RememberingStepModel
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.car.sensor_errors import sensor_errors
 from drift_drake.car.step_model import NominalStepModel, StepModel
@@ -193,10 +193,11 @@ def closed_loop(job: DriveJob) -> ClosedLoop:
     errors = Effects()  # of the sensors, as far as they are known
     model: StepModel
     if isinstance(believes, Learnt):
-        known = None if believes.car is None else believes.car.step_model()
-        if known is None or believes.car is None:
+        known: RememberingStepModel | None = None
+        if believes.car is None:
             model = step_model(believes.model, believes.belief, believes.path_step)
         else:
+            known = believes.car.step_model()
             model = HybridStepModel(believes.model, believes.belief.mean, known)
             errors, control = sensor_errors(believes.car.effects), dataclasses.replace(control, tightening=0.0)
         # A belief that stays as it is needs no adapter, unless its covariance is asked for.
@@ -298,7 +299,7 @@ class Believing(NamedTuple):
     def _of_drives(self, model: Model, taught: Taught, labels: dict[str, Any]) -> tuple[dict[str, Any], Believes]:
         """The same of a car that drives identify; `varied` where none was, or none is believed."""
         hybrid, found = load_hybrid(), taught.findings.get(BELIEFS[model], Findings(None))
-        choice = Choice(found, usual_error().limit(), hybrid_limit())
+        choice = Choice(found, usual_error().limit(), hybrid_limit(hybrid))
         car = choice.found.car
         labels |= {
             "identified_error": choice.found.error, "surprise": choice.found.surprise, "believed": choice.believed,

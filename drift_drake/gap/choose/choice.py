@@ -145,14 +145,15 @@ def ask(runs: Sequence[Run], first_guess: PlantParameters, progress: Progress | 
         found = found._replace(car=best, error=error)
     elif best is not None and error < NEARER * found.error:
         found = found._replace(hint=f"; {error:.3g} for {best.name}")
+    hybrid = load_hybrid()
     if car is not None and found.car is car:
-        found = found._replace(surprise=surprise_of(runs, car))
-    return Choice(found, limit, hybrid_limit(), tuple(remarks))
+        found = found._replace(surprise=surprise_of(runs, car, hybrid))
+    return Choice(found, limit, hybrid_limit(hybrid), tuple(remarks))
 
 
-def surprise_of(runs: Sequence[Run], car: IdentifiedCar) -> float:
-    """What a car leaves over in runs, as the mean squared distance from the hybrid model's prior, sample by sample."""
-    model, step, samples = load_hybrid(), car.step_model(), list[Samples]()
+def surprise_of(runs: Sequence[Run], car: IdentifiedCar, model: BayesianModel) -> float:
+    """What a car leaves over in runs, as the mean squared distance from a hybrid model's prior, sample by sample."""
+    step, samples = car.step_model(), list[Samples]()
     for number, run in enumerate(runs):
         table = pd.DataFrame({name: run.column(name) for name in COLUMNS if run.column(name) is not None})
         samples += hybrid_samples(table.assign(e=0.0, dphi=0.0), None, 0, number, step, model.vehicle)
@@ -237,9 +238,9 @@ def usual_surprise(model: BayesianModel, path: Path | None = None) -> Familiar |
     return None if found is None else Familiar(**found)
 
 
-def hybrid_limit() -> float:
-    """The surprise up to which the shipped hybrid model may drive; 0 where nobody has asked what is usual for it."""
-    usual = usual_surprise(load_hybrid())
+def hybrid_limit(hybrid: BayesianModel) -> float:
+    """The surprise up to which a hybrid model may drive; 0 where nobody has asked what is usual for it."""
+    usual = usual_surprise(hybrid)
     return 0.0 if usual is None else usual.limit(SURPRISED)
 
 

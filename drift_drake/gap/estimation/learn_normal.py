@@ -58,7 +58,7 @@ def learn_normal(
     normal = Normal(
         names=tuple(names), of_kind=of_kind, kind_units=day.kind_units,
         stride=day.runs[0].stride, units=steps, scales=scales, precision=precision,
-        standard=day.standard, slipping=seen.slipping, blocks=seen.blocks, lost=transitions(lost, day.block, day.run),
+        standard=day.standard, slipping=seen.slipping, lost=transitions(lost, day.block, day.run),
         covariance=seen.covariance, information=seen.information, ratio=seen.ratio, expected=shown.known.mean,
         left_open=shown.known.covariance, least_deviations=between, factors=shown.factors, scale=shown.scale,
         left_out=distances, left_out_none=np.ones(len(distances)), covered=drive_coverage(day.runs),

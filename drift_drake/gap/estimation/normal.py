@@ -38,7 +38,6 @@ class Normal:
     precision: np.ndarray  # of errors in scales [HORIZONS * channels, the same]
     standard: np.ndarray  # of the driving [2, DRIVING] (`partial.standards`)
     slipping: float  # how much tyres slipped (`baseline.slipping_of`)
-    blocks: int
     lost: np.ndarray  # transitions [2, 2] between blocks that are followed and lost (`lost_blocks`)
     covariance: np.ndarray  # of scores from block to block [m, m]
     information: np.ndarray  # diagonal of a block's information [m]
@@ -60,6 +59,11 @@ class Normal:
     noise: np.ndarray  # logarithms of the white noise of each recording's channels [K, channels] (`noise_levels`)
 
     @property
+    def blocks(self) -> int:
+        """Number of blocks of the baseline."""
+        return int(self.lost.sum())
+
+    @property
     def main(self) -> int:
         """Index of the most probable factor."""
         return int(np.argmax(self.factors))
@@ -78,7 +82,6 @@ def normal_from_data(data: Mapping[str, object]) -> Normal:
     """What `Normal.as_data` wrote; KeyError, TypeError or ValueError where it is not that."""
     arrays = {f.name: data[f.name] for f in dataclasses.fields(Normal)}
     names, of_kind = (tuple(str(name) for name in arrays.pop(key)) for key in ("names", "of_kind"))  # type: ignore[attr-defined]
-    blocks = int(number(arrays.pop("blocks"), lambda count: count >= 1.0 and count == round(count)))
     stride = number(arrays.pop("stride"), lambda seconds: 0.0 < seconds <= STRIDE)
     ratio, scale = (number(arrays.pop(key), lambda q: 0.0 < q < LARGEST_NUMBER) for key in ("ratio", "scale"))
     slipping = number(arrays.pop("slipping"), lambda q: abs(q) < LARGEST_LOGARITHM)
@@ -87,7 +90,6 @@ def normal_from_data(data: Mapping[str, object]) -> Normal:
             names=names,
             of_kind=of_kind,
             stride=stride,
-            blocks=blocks,
             ratio=ratio,
             scale=scale,
             slipping=slipping,
@@ -131,6 +133,8 @@ def _check_normal(normal: Normal) -> None:
     for key in ("information", "covered", "level", "left_out", "left_out_none", "lost"):
         if np.min(getattr(normal, key), initial=0.0) < 0.0:
             raise ValueError(f"'{key}' must be zero or more")
+    if np.any(normal.lost != np.round(normal.lost)) or normal.blocks < 1:
+        raise ValueError("'lost' must hold whole numbers, one or more in all")
     for key in ("precision", "covariance", "left_open", "unknown", "recording"):
         matrix = getattr(normal, key)
         least = np.linalg.eigvalsh(matrix)[0]

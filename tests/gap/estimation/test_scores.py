@@ -63,9 +63,18 @@ def test_the_baseline_survives_json(other_car):
 
 @pytest.mark.parametrize(
     ("key", "value"),
-    [("expected", [1.0]), ("covered", [1.0, 2.0]), ("covariance", [[1.0]]), ("standard", [1.0]), ("left_out", [[1.0]])],
+    [
+        ("expected", [1.0]),
+        ("covered", [1.0, 2.0]),
+        ("covariance", [[1.0]]),
+        ("standard", [1.0]),
+        ("left_out", [[1.0]]),
+        ("lost", [1.0]),
+        ("lost", [[2.5, 0.0], [0.0, 0.0]]),
+        ("lost", [[0.0, 0.0], [0.0, 0.0]]),
+    ],
 )
-def test_another_shape_is_refused(other_car, key, value):
+def test_another_shape_and_impossible_counts_are_refused(other_car, key, value):
     with pytest.raises(ValueError, match=f"'{key}' must hold"):
         normal_from_data(other_car.normal.as_data() | {key: value})
 

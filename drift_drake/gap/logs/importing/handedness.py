@@ -112,7 +112,10 @@ def handedness(
     ways: dict[str, int] = {}  # 1: positive to the left, -1: to the right
     because, doubt = "", False
     along = _along(read, place)
-    counted = {name: angle for name in ("psi", "course") if name in read and (angle := _counted(read[name], along))}
+    turning = None if along is None else clockwise(*along)
+    counted = {
+        name: angle for name in ("psi", "course") if name in read and (angle := _counted(read[name], along, turning))
+    }
     for name in ("psi", "course"):
         if name in found and _is_clockwise(found[name], units[name], name, counted.get(name)):
             ways[name] = -1
@@ -133,7 +136,7 @@ def handedness(
             doubt = _by_range(found[name], units[name], name)
         elif words & (LEFT | RIGHT):
             ways["r"], because = (1 if words & LEFT else -1), "its name"
-    handed = _written(found, read, rates, ways, because, doubt)
+    handed = _written(found, read, rates, ways, because, doubt, turning if {"x", "y"} <= set(read) else None)
     for name, angle in counted.items():
         handed = _by_path(found, read, handed, name, angle)
     return handed if "r" in read or known_way or "psi" not in read else handed._replace(notes=[*handed.notes, WHOLE])
@@ -184,9 +187,9 @@ def _along(read: Mapping[str, Trace], place: tuple[Trace, Trace] | None) -> tupl
     return north, Trace(east.t, -east.values, east.unit)
 
 
-def _counted(angle: Trace, along: tuple[Trace, Trace] | None) -> tuple[int, float] | None:
+def _counted(angle: Trace, along: tuple[Trace, Trace] | None, turning: Trace | None) -> tuple[int, float] | None:
     """Whether a heading or course turns as the car's way does (1) or against it (-1), and its value [rad] along x."""
-    side = 0 if along is None else sense(derivative(angle, turns=True), clockwise(*along))
+    side = 0 if turning is None else sense(derivative(angle, turns=True), turning)
     if along is None or side == 0:
         return None
     ahead, across = along
@@ -232,9 +235,9 @@ def _by_path(
 
 def _written(
     found: Mapping[str, ColumnChoice], read: Mapping[str, Trace], rates: Mapping[str, Trace], ways: dict[str, int],
-    because: str, doubt: bool,
+    because: str, doubt: bool, turning: Trace | None,
 ) -> Handed:  # fmt: skip
-    """The frames by which all is positive to the left."""
+    """The frames by which all is positive to the left; turning: of the way from x to y, where these are measured."""
     mirrored = ways.get("r") == -1
     of = next((found[name].column for name in ("r", "ay", "delta_cmd") if name in found), "")
     lines: dict[str, str] = {}
@@ -252,8 +255,8 @@ def _written(
     elif lines.get("psi") == "ned":
         why = "turns against r: it" if "r" in read else f"({found['psi'].column})"
         notes.append(f"psi {why} is taken for a compass' heading, positive to the right (frame: ned).")
-    if "r" in ways and {"x", "y"} <= set(read):
-        alike = sense(rates["r"], clockwise(*velocity(read["x"], read["y"], degrees=False)))
+    if "r" in ways and turning is not None:
+        alike = sense(rates["r"], turning)
         if alike and (alike * ways["r"] == -1) != mirrored:
             lines["y"] = "iso8855" if mirrored else "ned"
     if doubt and not mirrored:
@@ -264,8 +267,8 @@ def _written(
         across = product(rates["r"], speed)
         against = [name for name in ("ay", "delta_cmd") if name in read and sense(read[name], across) == -1]
         lines |= dict.fromkeys(against, "iso8855" if mirrored else "ned")
-        turning = "r" if "r" in read else "the heading"
-        notes += [f"{name} turns against {turning}: it is positive to the other side (its frame)." for name in against]
+        other = "r" if "r" in read else "the heading"
+        notes += [f"{name} turns against {other}: it is positive to the other side (its frame)." for name in against]
     elif "r" in rates and "r" not in ways and found["r"].column != "r" and not found["r"].topic.name.startswith("/"):
         notes.append(
             "Nothing here tells whether r is positive to the left: if it is negative in a left turn, write "

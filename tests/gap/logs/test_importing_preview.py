@@ -68,7 +68,7 @@ def test_one_click_puts_a_mistake_right(recording, wrong, label):
 
 
 @pytest.mark.parametrize(("seconds", "says"), [(24.0, "understeer aside"), (10.0, "an upper estimate")])
-def test_the_ratio_of_a_steering_wheel_is_told_without_understeer(recording, seconds, says):
+def test_the_ratio_of_a_steering_wheel_is_that_of_gentle_turns(recording, seconds, says):
     """Of all driving together it would be 19.6."""
     (remark,) = preview(*recording, mapped(delta_cmd={"scale": 15.0}), end=seconds).remarks
     assert says in remark.sentence

@@ -42,6 +42,9 @@ def comparison(
         text("p", f"No other column can check {', '.join(found.unchecked)}.", "note")
     for clause in found.undecided:
         text("p", f"No other column tells {clause}.", "note")
+    fixed = [fix.mapping for remark in found.remarks for fix in remark.fixes]
+    if any(_steering(mapping) != _steering(before) for mapping in fixed):
+        gentle = gentle._replace(steering=None)  # the remark offers it
     _estimated(edit, before, gentle)
     for one in compared:
         said = f"correlation {one.likeness:.3f}, gain {significant(one.gain, 3)}"
@@ -67,7 +70,7 @@ class FromGentleDriving(NamedTuple):
 def from_gentle_driving(mapping: dict[str, Any], gentle: Any) -> list[FromGentleDriving]:
     """Of the steering ratio and of where the speed is measured; gentle: `screening.overlays.Estimates`."""
     found = []
-    line = (mapping.get("signals") or {}).get("delta_cmd")
+    line = _steering(mapping)
     scale = line.get("scale", 1.0) if isinstance(line, dict) else None
     if gentle.steering is not None and isinstance(scale, int | float) and scale:
         ends = gentle.steering.low, gentle.steering.middle, gentle.steering.high
@@ -82,6 +85,10 @@ def from_gentle_driving(mapping: dict[str, Any], gentle: Any) -> list[FromGentle
             what, take = f"speed is measured {side} by", partial(_take_point, axis, middle)
             found.append(FromGentleDriving(what, " m", low, middle, high, point[axis], take))
     return found
+
+
+def _steering(mapping: dict[str, Any]) -> Any:
+    return (mapping.get("signals") or {}).get("delta_cmd")
 
 
 def _estimated(edit: Edit, mapping: dict[str, Any], gentle: Any) -> None:

@@ -1,6 +1,7 @@
 """What would fix an import: the columns that physics speaks for, and a mapping changed by one click, which is right."""
 
 import copy
+import re
 
 import numpy as np
 import pandas as pd
@@ -64,6 +65,18 @@ def test_one_click_puts_a_mistake_right(recording, wrong, label):
         data = chosen.mapping
     assert data != before
     assert preview(*recording, data).remarks == []
+
+
+@pytest.mark.parametrize(("seconds", "says"), [(24.0, "understeer aside"), (10.0, "an upper estimate")])
+def test_the_ratio_of_a_steering_wheel_is_that_of_gentle_turns(recording, seconds, says):
+    """Of all driving together it would be 19.6."""
+    (remark,) = preview(*recording, mapped(delta_cmd={"scale": 15.0}), end=seconds).remarks
+    assert says in remark.sentence
+    (fix,) = remark.fixes
+    ratio = 15.0 / fix.mapping["signals"]["delta_cmd"]["scale"]
+    assert ratio > 17.0 if seconds < 24.0 else ratio == pytest.approx(15.0, rel=0.05)
+    numbers = [float(q) for q in re.findall(r"\d+\.\d+", remark.sentence.split(" times")[0])]
+    assert numbers == pytest.approx([ratio], rel=0.01) if seconds < 24.0 else numbers[1] < 15.0 < numbers[2]
 
 
 @pytest.mark.parametrize("name", ["r", "psi"])

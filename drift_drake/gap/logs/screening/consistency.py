@@ -26,7 +26,7 @@ from drift_drake.gap.logs.screening.misnamed import (
 )
 from drift_drake.gap.logs.screening.redundancy import agreements, arm_doubts, bias_doubts, scale_doubts, undecided_arm
 from drift_drake.gap.logs.screening.relations import KINDS, Kind, Relation, Windows, relations, windows_of
-from drift_drake.gap.logs.screening.steering import held_doubts, ratio_doubts, reach_doubts
+from drift_drake.gap.logs.screening.steering import held_doubts, ratio_doubts, reach_doubts, wheel_ratio
 from drift_drake.gap.logs.screening.suspicions import Suspicion, contradictions
 from drift_drake.gap.logs.screening.timing import late_columns, on_one_clock
 from drift_drake.gap.logs.screening.unit_mistakes import Mistake, mistakes
@@ -43,8 +43,8 @@ class Consistency:
     """Doubts, the one that explains most first; unchecked: columns that no other column can check; undecided: what else
     the columns cannot tell, as clauses (whether ..., where ...).
 
-    right: the columns [rows] by run once the doubts' factors are taken out; windows: of these; steer: `delta_cmd` over
-    what the wheelbase, or one of 1 m, asks for, 1 where it is not known.
+    right: the columns [rows] by run once the doubts' factors are taken out (a steering ratio with its understeer);
+    windows: of these; steer: `delta_cmd` over what the wheelbase, or one of 1 m, asks for, 1 where it is not known.
     """
 
     doubts: list[Suspicion]
@@ -103,8 +103,8 @@ def consistency(
     for doubt in wrong:
         _take_out(right, doubt)
     periods = [_period(period, wrong) for period in periods]
-    doubts += wrong
     m = motion_of_columns(right, periods)
+    doubts += [wheel_ratio(doubt, m, length) for doubt in wrong]
     without = [column for column in {*bad, *(doubt.column for doubt in (*wrong, *moved))} if column is not None]
     units = [
         one for one in mistakes(vehicle, stated) if stated and set(one.columns) <= set(stated) and one.low == one.high

@@ -1,5 +1,7 @@
 """Steering commands: their ratio to what the wheelbase asks for, and how far they go."""
 
+import dataclasses
+import re
 from collections.abc import Sequence
 
 import numpy as np
@@ -10,6 +12,7 @@ from drift_drake.gap.logs.screening.averaging import Columns
 from drift_drake.gap.logs.screening.gains import Bounds, gain
 from drift_drake.gap.logs.screening.kinematics import Kinematics
 from drift_drake.gap.logs.screening.suspicions import Suspicion
+from drift_drake.gap.logs.screening.unit_mistakes import WHEEL
 
 GENTLE = 4.0  # [m/s^2] of v r below which a tyre's slip goes with its force
 STEADY = 0.15  # [rad] of sideslip
@@ -44,14 +47,36 @@ def ratio_doubts(m: Kinematics, length: float) -> list[Suspicion]:
     found = ratio_found(m, length)
     if found is None or not found.beyond(1.0, MARGIN):
         return []
-    says = (
-        f"in gentle turns it is {found.middle:.3g} ({found.low:.3g} to {found.high:.3g}) times what a wheelbase of "
-        f"{length:.3g} m and r / v ask for, understeer aside"
-    )
+    says = _says(found, length)
     return [Suspicion(
         f"column delta_cmd reads {100.0 * abs(found.middle - 1.0):.2g} % too "
         f"{'large' if found.middle > 1.0 else 'small'} ({says}): the steering ratio is off, or the wheelbase; divide "
         f"its scale by {found.middle:.3g} in the mapping", "delta_cmd", found.middle, says)]  # fmt: skip
+
+
+def wheel_ratio(doubt: Suspicion, m: Kinematics, length: float | None) -> Suspicion:
+    """A doubt with the steering wheel's ratio as gentle turns tell it, without understeer; any other, or where they do
+    not tell it, as it is.
+
+    Args:
+        m: of columns that the doubt's factor was taken out of; length: the wheelbase [m].
+    """
+    if WHEEL not in doubt.sentence or doubt.factor is None or length is None or not len(m.r):
+        return doubt
+    found = ratio_found(m, length)
+    if found is None:
+        return doubt
+    found = found.over(1.0 / doubt.factor)
+    says = _says(found, length)
+    sentence = re.sub(r"\([^()]* what other columns say[^()]*\)", f"({says})", doubt.sentence)
+    return dataclasses.replace(doubt, sentence=sentence, factor=found.middle, evidence=says)
+
+
+def _says(found: Bounds, length: float) -> str:
+    return (
+        f"in gentle turns it is {found.middle:.3g} ({found.low:.3g} to {found.high:.3g}) times what a wheelbase of "
+        f"{length:.3g} m and r / v ask for, understeer aside"
+    )
 
 
 def reach_doubts(runs: Sequence[Columns], vehicle: VehicleParameters | None) -> list[Suspicion]:

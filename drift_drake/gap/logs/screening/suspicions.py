@@ -11,7 +11,7 @@ from drift_drake.car.log.table import Run
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.gap.logs.screening.relations import KINDS, Relation, Windows, relations, windows_of
 from drift_drake.gap.logs.screening.screened import Screened, screened
-from drift_drake.gap.logs.screening.unit_mistakes import Mistake, mistakes
+from drift_drake.gap.logs.screening.unit_mistakes import WHEEL, Mistake, mistakes
 
 SUSPECT = 4.0  # tolerances from one at which no effect of the catalogue explains a relation
 EXPLAINED = 3.0  # within which it is explained
@@ -156,6 +156,7 @@ def _suspicion(
     power = _power(measured, mistake) or measured.kind.powers.get(column, 1)
     says = "an engine behind gear_ratio gives" if column == "tau_cmd" else "other columns say"
     times = f"{measured.size ** (1.0 / power):.3g} times what {says}"
+    times += ", an upper estimate: the car's understeer is in it" if mistake.looks_like == WHEEL else ""
     what = "the clock t" if column == "t" else f"column {column}"
     others = [f"{' and '.join(rival.columns)} as {rival.looks_like}" for rival in rivals if rival != mistake]
     either = f"; or {', or '.join(others)}" if others else ""

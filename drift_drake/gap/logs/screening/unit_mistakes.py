@@ -8,6 +8,7 @@ from drift_drake.common.units import DIMENSIONS
 
 RIM_TURNS = (2.0, 33.0)  # [1/m] of wheels of any vehicle
 STEERING_RATIOS = (8.0, 25.0)  # steering wheel's angle over road wheel's
+WHEEL = "the steering wheel's angle, not the road wheel's"
 DISTINCT = 1.5  # factor from one that a mistake must be off by to be distinguished from physics
 ANGLES = (("r",), ("psi",), ("beta",), ("delta_cmd",), ("r", "psi"), ("r", "psi", "beta", "delta_cmd"))
 SPEEDS = (("v",), ("omega_r",), ("v", "omega_r"))
@@ -52,8 +53,7 @@ def mistakes(vehicle: VehicleParameters | None, stated: Mapping[str, str] | None
     """
     found = list(_of_units(stated or {}))
     found += [Mistake(columns, q, q, like, remedy) for columns, q, like, remedy in OTHERS]
-    wheel = ("the steering wheel's angle, not the road wheel's", "divide it by the steering ratio")
-    found.append(Mistake(("delta_cmd",), *STEERING_RATIOS, *wheel))
+    found.append(Mistake(("delta_cmd",), *STEERING_RATIOS, WHEEL, "divide it by the steering ratio"))
     turns = RIM_TURNS if vehicle is None else (1.0 / vehicle.wheel_radius,) * 2
     found.append(Mistake(("omega_r",), *turns, "the wheel's rad/s, not the rim's m/s", "multiply it by wheel_radius"))
     if vehicle is not None:

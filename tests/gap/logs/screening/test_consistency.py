@@ -127,7 +127,7 @@ def test_without_accelerations_the_wheels_tell_it(log):
     assert float(sentence.split("measured ")[1].split(" m ")[0]) == pytest.approx(0.5, abs=0.05)
 
 
-@pytest.mark.parametrize("ratio", [1.25, 0.8])
+@pytest.mark.parametrize("ratio", [1.25, 0.8, 14.0])
 def test_a_steering_ratio_is_distinguished_from_understeer(log, ratio):
     (doubt,) = consistency_of(with_factors([log], {"delta_cmd": ratio}), CAR).doubts
     assert doubt.column == "delta_cmd"

@@ -27,7 +27,7 @@ def car_page(project: Project, _readings: Recordings, _jobs: Jobs, data: dict[st
     with section("Which car"):
         files = {CAR: f"{CAR}, {OWN}", **{name: name for name in _vehicle_files(project)}}
         choice("First guess", files, stages.first_guess(data), partial(project.set_option, "vehicle"))
-        text("p", "A vehicle file, or a simulator.yaml of your own simulator, is taken as it is.", "note")
+        text("p", "A vehicle file of the folder, or a simulator.yaml of your own simulator, is taken as it is.", "note")
     if stages.first_guess(data) != CAR:
         next_step("Check")
         return

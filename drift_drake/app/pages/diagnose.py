@@ -123,7 +123,9 @@ def _answer(answer: Answer) -> None:
 def _effects(project: Project, data: dict[str, Any]) -> None:
     """Effects to consider: all, unless some are chosen."""
     chosen = [name for name in data["options"].get("effects") or [] if name in CATALOGUE]
-    with box("details"):
+    with box("details") as details:
+        if chosen:
+            details.props["open"] = True
         text("summary", f"Effects that are considered: {', '.join(chosen) if chosen else 'all'}")
         with box("div", "form"):
             for name in CATALOGUE:

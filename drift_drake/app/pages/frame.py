@@ -16,13 +16,22 @@ from drift_drake.view.pages.templates import FOLDER
 
 POLL = 0.5  # [s]
 # A chart that is taken off the page hears of its last resize, which plotly answers by a rejection; what is being typed
-# is not drawn over.
+# is not drawn over; what had the focus when it was drawn anew has it again.
 SCRIPT = """<script>
 addEventListener("unhandledrejection", event => {
   if (String(event.reason?.message ?? event.reason).startsWith("Resize must be passed")) event.preventDefault();
 });
 addEventListener("input", event => { window.typing = !["checkbox", "file"].includes(event.target.type); }, true);
 for (const name of ["change", "focusout"]) addEventListener(name, () => { window.typing = false; }, true);
+let last;
+const called = one => one.getAttribute("aria-label") ?? one.textContent;
+addEventListener("focusin", event => { last = event.target; });
+addEventListener("pointerdown", () => { last = undefined; }, true);
+new MutationObserver(() => {
+  if (!last || last.isConnected || document.activeElement !== document.body) return;
+  const again = [...document.querySelectorAll(last.tagName)].find(one => called(one) === called(last));
+  again?.focus({ preventScroll: true });
+}).observe(document, { subtree: true, childList: true, attributes: true, attributeFilter: ["inert", "disabled"] });
 </script>"""
 # Of each window what it has shown, and what draws its way through the steps.
 SEEN: WeakKeyDictionary[Any, tuple[tuple[Any, ...], Callable[[], Any]]] = WeakKeyDictionary()

@@ -22,7 +22,7 @@ from drift_drake.view.pages.charts import Line, Panel
 MOST_SHOWN = 6  # signals in one chart
 FORMATS = (
     "CSV and other text tables, Parquet, MCAP, ROS bags, MDF, MATLAB .mat, .npz, HDF5, VBOX .vbo, AiM .xrk, PX4 .ulg; "
-    "at most 1 GB each (put larger ones into the folder yourself)"
+    "at most 1 GB each; what you put into the folder yourself is listed too, of any size, once the page is loaded anew"
 )
 
 

@@ -17,6 +17,7 @@ OPTIONAL = ("front_coupling", "tyre", "tolerance")  # keys that a vehicle file m
 WORDS = ("tyre", "tolerance")  # that are no numbers
 
 
+LEAST_TOLERANCE = 1e-9  # that is not zero: deviations are counted in tolerances
 RELATIVE = (  # parameters that a relative tolerance has the name of
     "mass", "yaw_inertia", "wheel_radius", "rear_axle_inertia", "friction", "front_stiffness", "rear_stiffness",
 )  # fmt: skip
@@ -284,6 +285,10 @@ def check_tolerance(tolerance: Tolerance) -> None:
     for name, value in vars(tolerance).items():
         if not is_number(value) or value < 0.0:
             raise InvalidVehicleError(f"tolerance.{name} is {shown(value)}; give a standard deviation, zero or more")
+        if 0.0 < value < LEAST_TOLERANCE:
+            raise InvalidVehicleError(
+                f"tolerance.{name} is {shown(value)}; give 0 for exactly known, or {LEAST_TOLERANCE:g} or more"
+            )
 
 
 def check_torques(low: float, high: float) -> None:

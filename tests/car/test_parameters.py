@@ -103,6 +103,12 @@ def test_a_tolerance_that_is_no_standard_deviation(value):
     assert text == f"tolerance.mass is {value!r}; give a standard deviation, zero or more"
 
 
+def test_a_tolerance_too_small_to_count_deviations_in():
+    text = message_of(VehicleParameters, tolerance=Tolerance(mass=5e-324))
+    assert text.startswith("tolerance.mass is 5e-324; give 0 for exactly known, or 1e-09 or more")
+    assert VehicleParameters(tolerance=Tolerance(mass=0.0)).tolerance.mass == 0.0
+
+
 def test_an_unknown_key_names_the_known_ones(tmp_path):
     text = message_of(VehicleParameters.from_yaml, write(tmp_path, {"weight": 1.0}))
     assert "car.yaml: unknown key 'weight'; known keys are" in text

@@ -4,8 +4,8 @@
 
 Trials are numbered, and those that are done are in FOLDER/trials.csv: ended and given again, it goes on. An input that
 is answered in a way that none was before is kept in FOLDER/corpus, and spoilt further by later trials. A trial that
-ended in a traceback, a warning, a crash, a hang (20 s of processor time) or more than 2 GB is kept whole in
-FOLDER/findings.
+ended in a traceback, a warning, a crash, a hang (20 s of processor time; 100 s of commands that fit a car, which show
+their progress) or more than 2 GB is kept whole in FOLDER/findings.
 """
 
 import argparse
@@ -165,7 +165,7 @@ def tried(folder: Path, seeds: Path, seed: int, number: int, heard: set[str]) ->
 
 def longest(name: object) -> float:
     """[s] of processor time that a command may take."""
-    return LONGEST_FIT if name in ("identify", "choose") else LONGEST
+    return LONGEST_FIT if name in ("identify", "diagnose", "choose") else LONGEST
 
 
 def findings_again(folder: Path) -> int:

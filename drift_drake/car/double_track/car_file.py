@@ -18,6 +18,11 @@ from drift_drake.car.vehicle_file import (
 )
 
 TIRES = ("front_tire", "rear_tire")
+WHEELBASES = {  # of a vehicle, least and most
+    "front_track": (0.1, 3.0), "rear_track": (0.1, 3.0), "cg_height": (0.0, 2.0), "front_roll_center": (0.0, 1.0),
+    "rear_roll_center": (0.0, 1.0),
+}  # fmt: skip
+MOST_TIMES = 10.0
 FASTEST_SETTLING = 1e5  # [1/s]; the coupe's rear rims have 5e3 at their slowest
 FAST = 30.0  # [m/s] at which tyres roll through their relaxation
 
@@ -35,8 +40,39 @@ def double_track_of_data(data: Any, source: str) -> tuple[DoubleTrackParameters,
     check_plausible(car.single_track(), source)
     check_effects(effects, car.single_track(), source)
     check_supported(effects, source)
+    check_proportions(car, source)
     check_settling(car, source)
     return car, effects
+
+
+def check_proportions(car: DoubleTrackParameters, source: str) -> None:
+    """Sees that lengths are some vehicle's of this wheelbase, and drag and differential of this weight.
+
+    Raises:
+        InvalidVehicleError: names `source`, the parameter and the range.
+    """
+    wheelbase = car.front_axle_distance + car.rear_axle_distance
+    for name, (low, high) in WHEELBASES.items():
+        if not low * wheelbase <= getattr(car, name) <= high * wheelbase:
+            raise InvalidVehicleError(
+                f"{source}: {name} is {getattr(car, name):g} m; no vehicle's of this wheelbase is outside "
+                f"{low * wheelbase:.2g} to {high * wheelbase:.2g} m"
+            )
+    weight = car.mass * car.gravity
+    for name, share, words in (
+        ("aero_drag", car.aero_drag * FAST**2 / weight, f"the weight at {FAST:g} m/s"),
+        (
+            "differential_preload",
+            car.differential_preload / (weight * car.wheel_radius),
+            "the weight times wheel_radius",
+        ),
+        ("differential_share", car.differential_share, "the axle's torque"),
+    ):
+        if share > MOST_TIMES:
+            raise InvalidVehicleError(
+                f"{source}: {name} is {getattr(car, name):g}, {share:.3g} times {words}; no vehicle's is more than "
+                f"{MOST_TIMES:g} times"
+            )
 
 
 def check_settling(car: DoubleTrackParameters, source: str) -> None:

@@ -216,6 +216,10 @@ class DoubleTrackParameters:
                      "rolling_resistance"):  # fmt: skip
             if getattr(self, name) < 0.0:
                 raise InvalidVehicleError(f"{name} is {getattr(self, name):g}; give zero or more")
+        if self.rolling_resistance >= 1.0:
+            raise InvalidVehicleError(
+                f"rolling_resistance is {self.rolling_resistance:g}; give a share of the weight, such as 0.012"
+            )
         check_torques(self.torque_min, self.torque_max)
         check_tolerance(self.tolerance)
         if self.front_unsprung_mass + self.rear_unsprung_mass >= self.mass:

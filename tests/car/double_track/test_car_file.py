@@ -95,6 +95,30 @@ def test_a_tolerance_that_is_none_names_the_file(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
+    ("name", "value"), [("front_track", 1580.0), ("rear_track", 0.002), ("rear_roll_center", 140.0)]
+)
+def test_a_length_in_another_unit_is_refused(tmp_path: Path, name: str, value: float) -> None:
+    data = CARS["saloon"].to_dict()["double_track"] | {name: value}
+    (tmp_path / "car.yaml").write_text(yaml.safe_dump({"double_track": data}))
+    with pytest.raises(
+        InvalidVehicleError, match=rf"car\.yaml: {name} is {value:g} m; no vehicle's of this wheelbase is"
+    ):
+        read_car(tmp_path / "car.yaml")
+
+
+@pytest.mark.parametrize(
+    ("name", "value"), [("aero_drag", 450.0), ("differential_preload", 5e5), ("differential_share", 60.0)]
+)
+def test_a_force_of_no_vehicle_is_refused(tmp_path: Path, name: str, value: float) -> None:
+    data = CARS["saloon"].to_dict()["double_track"] | {name: value}
+    (tmp_path / "car.yaml").write_text(yaml.safe_dump({"double_track": data}))
+    with pytest.raises(
+        InvalidVehicleError, match=rf"car\.yaml: {name} is {value:g}, .* times .*; no vehicle's is more"
+    ):
+        read_car(tmp_path / "car.yaml")
+
+
+@pytest.mark.parametrize(
     ("change", "named"),
     [
         ({"load_time": 1e-9}, "load_time"),

@@ -14,6 +14,7 @@ CAR = DoubleTrackParameters()
         ({"mass": -1.0}, r"mass \(m\) is -1; it must be positive, in kg"),
         ({"yaw_inertia": float("nan")}, r"yaw_inertia \(I_z\) is nan; give a finite number in kg m\^2"),
         ({"cg_height": -0.1}, "cg_height is -0.1; give zero or more"),
+        ({"rolling_resistance": 120.0}, "rolling_resistance is 120; give a share of the weight, such as 0.012"),
         ({"torque_min": 500.0}, "must lie below torque_max"),
         ({"front_unsprung_mass": 1600.0}, "must weigh less than the car"),
         ({"wheel_inertia": 11.0}, "rear_axle_inertia .* holds both rear wheels; give at least twice"),

@@ -64,4 +64,6 @@ def test_unknown_names():
 
 @pytest.mark.parametrize("formula", ["w / 0", "w * 1e308 * 1e308", "exp(1e5 * w)", "w ** 1e9", "0 * w / w"])
 def test_what_leaves_the_range_of_numbers_warns_of_nothing(formula):
-    assert not np.all(np.isfinite(evaluate(formula, {"w": np.array([0.0, 1.0, 1e300])})))
+    found = evaluate(formula, {"w": np.array([0.0, 1.0, 1e300])})
+    assert np.isnan(found).any()
+    assert not np.isinf(found).any()

@@ -48,7 +48,7 @@ def names_in(formula: str) -> set[str]:
 
 
 def evaluate(formula: str, values: Mapping[str, Any]) -> Any:
-    """The formula on numbers or arrays.
+    """The formula on numbers or arrays; NaN where it is not finite.
 
     Raises:
         InvalidFormulaError: not a formula, a part of it is not allowed, or a name is missing.
@@ -62,7 +62,7 @@ def evaluate(formula: str, values: Mapping[str, Any]) -> Any:
         ) from None
     if np.iscomplexobj(value):
         raise InvalidFormulaError(f"'{formula}' takes a root of a negative number")
-    return value
+    return np.where(np.isfinite(value), value, np.nan)
 
 
 def _start(formula: str) -> str:

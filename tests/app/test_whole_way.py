@@ -1,7 +1,7 @@
 """The whole way in a browser: from a dropped `.mat` of a car made here to its corrected simulator, without a terminal.
 
 All files are those of the commands that the pages show, but for when they were computed. With PICTURE=check.png the
-check's page is photographed (`make workbench-picture`).
+check's page is photographed (`make workbench-picture`). A person's time by a model is printed (`effort.py`).
 """
 
 import os
@@ -21,6 +21,7 @@ from drift_drake.car.parameters import VehicleParameters
 from drift_drake.car.vehicle_file import read_vehicle, write_vehicle
 from drift_drake.cli.main import main
 from tests.app.conftest import Window, Workbench
+from tests.app.effort import Effort
 
 pytestmark = pytest.mark.slow
 CAR = VehicleParameters(mass=1480.0, yaw_inertia=2100.0, front_axle_distance=1.15, rear_axle_distance=1.45)
@@ -61,6 +62,7 @@ def test_from_a_dropped_file_to_a_corrected_simulator(window, tmp_path, monkeypa
         one = window(workbench)
         page = one.page
         page.set_default_timeout(PATIENCE)
+        effort = Effort(page, monkeypatch)
         page.get_by_label("Choose recordings").set_input_files(sorted(made.glob("*.mat")))
         page.get_by_text("tuesday.mat: 10 columns").wait_for()
         page.wait_for_timeout(2000)  # until all that came with the files is drawn: nobody types so fast
@@ -79,6 +81,7 @@ def test_from_a_dropped_file_to_a_corrected_simulator(window, tmp_path, monkeypa
         with page.expect_download() as saved:
             page.get_by_role("link", name="Save corrected/tuesday.yaml").click()
         saved.value.save_as(tmp_path / "saved.yaml")
+        print(f"\n{effort.table()}")  # shown by `pytest -s`
     finally:
         workbench.close()
     pages = folder.rename(tmp_path / "pages")

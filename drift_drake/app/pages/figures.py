@@ -49,7 +49,7 @@ def _path(values: Sequence[float | None]) -> str:
 def drawn(figure: Figure, label: str) -> ui.plotly:
     """A figure of `view.pages.charts`; label: what a screen reader says of it."""
     element = ui.plotly(figure | {"config": CONFIG}).classes("chart")
-    element.props.update({"role": "application", "tabindex": "0", "aria-label": f"{label}; {KEYS}"})
+    element.props.update({"role": "application", "tabindex": "0", "aria-label": label, "aria-description": KEYS})
     return element
 
 

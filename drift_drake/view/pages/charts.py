@@ -264,9 +264,11 @@ def finished(figure: Figure, height: int, hover: str = "x unified", ticks: int =
 def placed(figure: Figure, label: str = "") -> Markup:
     """A figure as a place of a page and its data; label: what a screen reader says of it."""
     data = json.dumps(figure, separators=(",", ":")).replace("</", "<\\/")
-    return Markup('<div class="chart" role="application" tabindex="0" aria-label="{}" style="min-height:{}px">').format(
-        f"{label or _titles(figure)}; {KEYS}", figure["layout"]["height"]
-    ) + Markup(f'<script type="application/json">{data}</script></div>')
+    place = '<div class="chart" role="application" tabindex="0" aria-label="{}" aria-description="{}" style="{}">'
+    style = f"min-height:{figure['layout']['height']}px"
+    return Markup(place).format(label or _titles(figure), KEYS, style) + Markup(
+        f'<script type="application/json">{data}</script></div>'
+    )
 
 
 def _titles(figure: Figure) -> str:

@@ -286,3 +286,18 @@ def test_a_clock_may_be_called_by_its_unit():
 def test_a_unit_of_a_yaw_rate_with_two_meanings_is_asked():
     assert fit("r", "yaw_rate_rps")[1] == "?"
     assert fit("omega_r", "wheel_speed_rps")[1] == "rev/s"
+
+
+@pytest.mark.parametrize(
+    ("names", "taken"),
+    [
+        (("Easting [m]", "Northing [m]"), True), (("utm_easting", "utm_northing"), True), (("pos_e", "pos_n"), True),
+        (("Rechtswert", "Hochwert"), True), (("east [km]", "north [km]"), True), (("east", "north"), False),
+        (("vel_e", "vel_n"), False), (("Easting [m/s]", "Northing [m/s]"), False),
+    ],
+)  # fmt: skip
+def test_a_position_to_the_east_and_north_is_x_and_y(names, taken):
+    exact = rows()
+    columns = {"yaw_rate": exact["r"], "speed": exact["v"], names[0]: exact["x"], names[1]: exact["y"]}
+    signals = guessed_mapping([table(**columns)]).mapping["signals"]
+    assert [signals.get(key, {}).get("column") for key in ("x", "y")] == (list(names) if taken else [None, None])

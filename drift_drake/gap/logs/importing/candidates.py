@@ -18,8 +18,9 @@ from drift_drake.gap.logs.importing.clocks import (
 )
 from drift_drake.gap.logs.importing.evidence import LIKE, Trace, agreements_with, derivative, likeness, product
 from drift_drake.gap.logs.importing.formats.topics import Topic
-from drift_drake.gap.logs.importing.names import LIMIT, as_gyro, fit, stated_unit
+from drift_drake.gap.logs.importing.names import COMMON, LIMIT, as_gyro, bracketed, concepts, fit, stated_unit
 from drift_drake.gap.logs.wording.conversion import dimensions_of, to_iso8855
+from drift_drake.gap.logs.wording.vocabulary import pieces
 
 LOOKED_FOR = ("latitude", "longitude", "course", "x", "y", "r", "psi", "vx", "vy", "v", "beta", "omega_r", "ax", "ay",
               "delta_cmd", "tau_cmd")  # fmt: skip
@@ -28,6 +29,10 @@ SLOWER = 1.0  # what a constant column, and one without a clock, count against i
 FORMAT_SAYS = -10.0  # rank of a column that the file's format says is this quantity
 COMMANDED = ("delta_cmd", "tau_cmd")
 FEW = 100  # readings that are looked at first
+AXES = {"north": "north", "northing": "north", "n": "north", "nord": "north", "hochwert": "north",
+        "east": "east", "easting": "east", "e": "east", "ost": "east", "rechtswert": "east"}  # fmt: skip
+GRID = {"northing", "easting", "hochwert", "rechtswert"}  # words of a position alone
+OVER_GROUND = 2.0  # rank of the position over ground as x and y
 SLOWEST = 0.5  # [m/s] below which a rate of sideslip is not asked
 
 
@@ -76,6 +81,41 @@ def named_candidates(quantity: str, ordered: Sequence[Topic], clocks: Mapping[st
             late += LIMIT * (quantity not in COMMANDED and _is_flag(seen))
             found.append(ColumnChoice(topic, str(column), fits[0] + late, fits[1]))
     return sorted(found, key=lambda candidate: candidate.rank)
+
+
+def over_ground(ordered: Sequence[Topic]) -> dict[str, list[ColumnChoice]]:
+    """Columns of a position to the east and to the north, as x and y: of the first topic that has both."""
+    for topic in ordered:
+        columns = {axis: column for column in map(str, topic.table.columns) if (axis := axis_of(topic, column))}
+        both = [columns.get(("position", way), "") for way in ("east", "north")]
+        units = [_unit_of_position(topic, column) for column in both if column]
+        if len(units) == 2 and None not in units:
+            return {key: [ColumnChoice(topic, column, OVER_GROUND, unit or None)]
+                    for key, column, unit in zip(("x", "y"), both, units, strict=True)}  # fmt: skip
+    return {}
+
+
+def _unit_of_position(topic: Topic, column: str) -> str | None:
+    """A length that is stated, empty if none is; None of a column that may be no position."""
+    bare, stated = stated_unit(own_name(topic, column), topic.units.get(column, ""), "x")
+    known = unit_of(stated.text, dimensions_of("x")) if stated else None
+    if known is not None:
+        return known.name
+    words = set(pieces(bare))
+    return "" if stated is None and (words & GRID or "pos" in concepts(bare)[0]) else None
+
+
+def axis_of(topic: Topic, column: str) -> tuple[str, str] | None:
+    """Whether a column is a velocity's or a position's part to the north or east (`vel_n`, `VelEast`, `easting`)."""
+    name = bracketed(own_name(topic, column))[0]
+    words = ("v", name[1:].lower()) if name.lower() in ("vn", "ve") else pieces(name)
+    if not words:  # a name of signs alone
+        return None
+    way = AXES.get(words[-1]) or next((AXES[word] for word in words if len(word) > 1 and word in AXES), None)
+    said = concepts(" ".join(words))[0] - COMMON - {"earth", "linear", "x", "y", "hand"}
+    of = {frozenset({"speed"}): "velocity", frozenset({"v"}): "velocity", frozenset({"pos"}): "position"}
+    kind = of.get(frozenset(said)) or (None if said or len(words[-1]) == 1 else "position")
+    return None if way is None or kind is None or not is_numeric_dtype(topic.table[column]) else (kind, way)
 
 
 def _is_flag(values: np.ndarray) -> bool:

@@ -9,7 +9,13 @@ import numpy as np
 from pandas.api.types import is_numeric_dtype
 
 from drift_drake.common.units import DIMENSIONS
-from drift_drake.gap.logs.importing.candidates import LOOKED_FOR, ColumnChoice, Traces, named_candidates
+from drift_drake.gap.logs.importing.candidates import (
+    LOOKED_FOR,
+    ColumnChoice,
+    Traces,
+    named_candidates,
+    over_ground,
+)
 from drift_drake.gap.logs.importing.clocks import (
     by_clock,
     clock_of,
@@ -78,6 +84,7 @@ def guessed_mapping(topics: Sequence[Topic]) -> Guess:
     rates = {name: rate_of(t) for name, t in times.items()}
     ordered = sorted(topics, key=lambda topic: -rates.get(topic.name, 0.0))
     choices = {name: fits for name in LOOKED_FOR if (fits := named_candidates(name, ordered, clocks))}
+    choices = choices if {"x", "y"} & set(choices) else choices | over_ground(ordered)
     signals = Traces(times)
     found, notes = _one_position(_chosen(choices, signals), signals)
     notes += _choices_said(found, choices)

@@ -8,18 +8,15 @@ from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from pandas.api.types import is_numeric_dtype
 
 from drift_drake.common.arrays import Array
-from drift_drake.gap.logs.importing.candidates import ColumnChoice, Traces
+from drift_drake.gap.logs.importing.candidates import ColumnChoice, Traces, axis_of
 from drift_drake.gap.logs.importing.clocks import own_name
 from drift_drake.gap.logs.importing.evidence import Trace, clockwise, derivative, product, sense, velocity
 from drift_drake.gap.logs.importing.formats.topics import Topic
-from drift_drake.gap.logs.importing.names import COMMON, bracketed, concepts
+from drift_drake.gap.logs.importing.names import bracketed, concepts
 from drift_drake.gap.logs.wording.vocabulary import pieces
 
-AXES = {"north": "north", "northing": "north", "n": "north", "nord": "north", "hochwert": "north",
-        "east": "east", "easting": "east", "e": "east", "ost": "east", "rechtswert": "east"}  # fmt: skip
 LEFT, RIGHT = {"enu", "flu"}, {"ned", "frd", "down"}  # words of a yaw rate that is positive to that side
 WRAP = 0.75  # of a turn, that a heading jumps by where it passes north
 RELATIVE = 1.0  # [deg] from which a heading does not begin where a drive does
@@ -48,7 +45,7 @@ def tracks(topics: Sequence[Topic], signals: Traces, place: tuple[Trace, Trace] 
     """
     found = [] if place is None else [("the position", clockwise(*velocity(*place, degrees=True)))]
     for topic in topics:
-        columns = {axis: column for column in map(str, topic.table.columns) if (axis := _axis(topic, column))}
+        columns = {axis: column for column in map(str, topic.table.columns) if (axis := axis_of(topic, column))}
         for of in ("velocity", "position"):
             if {(of, "north"), (of, "east")} <= set(columns):
                 names = [columns[of, way] for way in ("north", "east")]
@@ -56,19 +53,6 @@ def tracks(topics: Sequence[Topic], signals: Traces, place: tuple[Trace, Trace] 
                 ways = (north, east) if of == "velocity" else velocity(north, east, degrees=False)
                 found.append((" with ".join(names), clockwise(*ways)))
     return found
-
-
-def _axis(topic: Topic, column: str) -> tuple[str, str] | None:
-    """Whether a column is a velocity's or a position's part to the north or east (`vel_n`, `VelEast`, `easting`)."""
-    name = bracketed(own_name(topic, column))[0]
-    words = ("v", name[1:].lower()) if name.lower() in ("vn", "ve") else pieces(name)
-    if not words:  # a name of signs alone
-        return None
-    way = AXES.get(words[-1]) or next((AXES[word] for word in words if len(word) > 1 and word in AXES), None)
-    said = concepts(" ".join(words))[0] - COMMON - {"earth", "linear", "x", "y", "hand"}
-    of = {frozenset({"speed"}): "velocity", frozenset({"v"}): "velocity", frozenset({"pos"}): "position"}
-    kind = of.get(frozenset(said)) or (None if said or len(words[-1]) == 1 else "position")
-    return None if way is None or kind is None or not is_numeric_dtype(topic.table[column]) else (kind, way)
 
 
 def is_compass(name: str, values: Array, degrees: bool, course: bool) -> bool:

@@ -25,4 +25,5 @@ OF_SCATTER = 1.0  # by which magnitudes scatter, relative to what scores say
 THRESHOLDS = {0.001: 0.05, 0.01: 0.25, 0.05: 0.5, 0.1: 0.6, 0.2: 0.7}
 """By false-alarm rate the probability of none below which there is a gap. Of 30 validation days without an effect one
 is below 0.5, the next at 0.69; logs that tell nothing leave it at 0.72. Other rates' are no quantiles: too few days."""
+RECORDINGS_WORTH = 10.0  # recordings left out that the rate of other cars is worth; set with DART among the validation
 SURE_OF_NONE = 0.8  # probability of none from which there is no gap; below it is undecided

@@ -8,7 +8,8 @@ import numpy as np
 from scipy.special import logsumexp
 
 from drift_drake.car.effects.catalogue import CATALOGUE
-from drift_drake.gap.evidence.constants import ELSE, HALF, OPEN, SECOND, SURE_OF_NONE, THRESHOLDS
+from drift_drake.gap.evidence.alarms import FALSE_ALARMS, threshold
+from drift_drake.gap.evidence.constants import ELSE, HALF, OPEN, SECOND, SURE_OF_NONE
 from drift_drake.gap.evidence.hypotheses import Hypothesis
 from drift_drake.gap.evidence.left_over import with_noise
 from drift_drake.gap.evidence.posterior import (
@@ -23,7 +24,6 @@ from drift_drake.gap.evidence.posterior import (
 
 Decision = Literal["none", "cause", "cause_open", "undecided"]
 TOO = f"+{UNKNOWN}"  # of a hypothesis' name: and an unknown cause
-FALSE_ALARMS = 0.05  # rate that a user who asks for none gets
 
 
 @dataclasses.dataclass(frozen=True)
@@ -100,18 +100,6 @@ def prior(h: Hypothesis, catalogue: int, constants: PosteriorConstants) -> float
     names = (*h.names, *h.additional)
     daily = float(np.sum([np.log(CATALOGUE[name].daily) for name in names]))
     return log_prior(len(names), catalogue, constants) + daily - SECOND * (len(names) > 1)
-
-
-def threshold(false_alarms: float) -> float:
-    """Probability of none below which there is a gap, at a rate of false alarms (interpolated in log odds)."""
-    rates, at = np.array(list(THRESHOLDS)), np.array(list(THRESHOLDS.values()))
-    odds = np.interp(_log_odds(np.array(false_alarms)), _log_odds(rates), _log_odds(at))
-    return float(1.0 / (1.0 + np.exp(-odds)))
-
-
-def _log_odds(p: np.ndarray) -> np.ndarray:
-    p = np.clip(p, 1e-6, 1.0 - 1e-6)
-    return np.asarray(np.log(p / (1.0 - p)))
 
 
 def concluded_from(

@@ -15,8 +15,9 @@ from drift_drake.gap.estimation.prediction_constants import CALIBRATED
 from drift_drake.gap.estimation.prior import TWO_SIDED
 from drift_drake.gap.estimation.problem import flat
 from drift_drake.gap.estimation.scores import Day, pulls, spread
+from drift_drake.gap.evidence.alarms import threshold
 from drift_drake.gap.evidence.posterior import NONE
-from drift_drake.gap.evidence.ranking import DayRanked, threshold
+from drift_drake.gap.evidence.ranking import DayRanked
 from drift_drake.gap.identification.calibration import Parameter
 from drift_drake.gap.identification.estimate import Estimate
 

@@ -19,7 +19,7 @@ from drift_drake.gap.estimation.prior import REACH, Range, at_end, clipped, fart
 from drift_drake.gap.evidence.constants import ELSE, OF_SCATTER, PRIORS, STANDS_FOR
 from drift_drake.gap.evidence.hypotheses import Hypothesis, as_change, concluded, effects_of
 from drift_drake.gap.evidence.left_over import LeftOver
-from drift_drake.gap.evidence.ranking import prior, ranked, shared_out, threshold
+from drift_drake.gap.evidence.ranking import prior, ranked, shared_out
 
 CAR = VehicleParameters()
 NONE = Hypothesis((), np.zeros(0), np.zeros((0, 0)), 50.0, -50.0, scores=20)
@@ -189,12 +189,6 @@ def test_fewer_false_alarms_are_more_often_undecided():
     assert 0.03 < said[0].probabilities["none"] < 0.7
     assert (said[0].verdict, said[0].decision) == ("none", "undecided")
     assert said[1].verdict == "effect"
-
-
-def test_a_threshold_rises_with_the_rate_of_false_alarms():
-    at = [threshold(rate) for rate in (0.001, 0.01, 0.03, 0.05, 0.1, 0.2)]
-    assert at == sorted(at)
-    assert 0.0 < at[0] < at[-1] < 1.0
 
 
 def test_an_interval_holds_what_the_magnitude_stands_for():

@@ -47,10 +47,11 @@ from drift_drake.gap.estimation.scores import Day, make_day
 from drift_drake.gap.estimation.unknowns import magnitudes
 from drift_drake.gap.estimation.usable import admit, seen_effects
 from drift_drake.gap.estimation.windows import rows_between_starts, thinned, windowed
+from drift_drake.gap.evidence.alarms import FALSE_ALARMS, false_alarm_rate
 from drift_drake.gap.evidence.constants import PRIORS, WORTH_A_PAIR
 from drift_drake.gap.evidence.hypotheses import Hypothesis, as_change
 from drift_drake.gap.evidence.posterior import NONE, UNKNOWN, PosteriorConstants, hypothesis_name
-from drift_drake.gap.evidence.ranking import FALSE_ALARMS, DayRanked, ranked, threshold
+from drift_drake.gap.evidence.ranking import DayRanked, ranked
 from drift_drake.gap.evidence.search import Search
 
 LEAST_FAMILIAR = 0.2  # share of familiar driving below which the verdict is more and more `unknown`
@@ -82,7 +83,7 @@ class ChangeDiagnosis:
 def diagnose_change(
     runs: Sequence[Run], vehicle: CarParameters, normal: Normal,
     own: Effects = Effects(),
-    case: str = "case", workers: int = 2, progress: Progress | None = None, constants: PosteriorConstants | None = None,
+    case: str = "case", workers: int = 2, progress: Progress | None = None, constants: PosteriorConstants = PRIORS,
     catalogue: Sequence[str] = tuple(CATALOGUE), false_alarms: float = FALSE_ALARMS,
 ) -> ChangeDiagnosis:  # fmt: skip
     """Diagnoses the runs of one day.
@@ -98,13 +99,13 @@ def diagnose_change(
     """
     began = time.perf_counter()
     tell = progress or (lambda _stage, _share: None)
-    constants = constants or PRIORS
     used, doubts, warnings = admit(runs, vehicle)
     names, more = seen_effects(used, [name for name in normal.names if name in catalogue])
     tell("errors and their derivatives", 0.0)
     search = search_of(used, vehicle, normal, own, names, case, workers)
     noise = changed(normal.noise, search.day.runs)
-    how = constants, false_alarms, noise.log_evidence
+    rate = false_alarm_rate(normal.left_out_none, false_alarms)
+    how = constants, rate["judged_at"], noise.log_evidence
     with counted(tell, vehicle.constants()) as shown:
         none, others = hypotheses_of(search, shown)
     tell("reduction of the gap", 0.8)
@@ -129,7 +130,7 @@ def diagnose_change(
         seconds=time.perf_counter() - began, tolerances={},
         details=details_of(search, found, shrinks, none, causes) | {
             "decision": found.decision,
-            "false_alarm_rate": false_alarm_rate(normal, false_alarms),
+            "false_alarm_rate": rate,
             "left_over": left,
             "suspicions": [dataclasses.asdict(doubt) for doubt in doubts],
             "detection": {name: dataclasses.asdict(limit) for name, limit in limits.items()},
@@ -139,13 +140,6 @@ def diagnose_change(
     )  # fmt: skip
     tell("done", 1.0)
     return ChangeDiagnosis(answer, search, found, shrinks, runs)
-
-
-def false_alarm_rate(normal: Normal, asked: float) -> dict[str, Any]:
-    """The rate that was asked for, and what it was on the baseline's own recordings, left out in turn."""
-    count = len(normal.left_out_none)
-    wrong = int(np.count_nonzero(normal.left_out_none < threshold(asked)))
-    return {"asked": asked, "observed": wrong / count if count else None, "left_out": count, "alarms": wrong}
 
 
 def left_over_of(search: Search, found: DayRanked, shrinks: Reduction, none: Hypothesis) -> dict[str, Any]:

@@ -13,7 +13,6 @@ from drift_drake.gap.diagnosis.answers.apply import corrected_vehicle
 from drift_drake.gap.diagnosis.calibrated import diagnose_change as changed_day
 from drift_drake.gap.diagnosis.calibrated.diagnose_change import (
     brought_along,
-    false_alarm_rate,
     left_over_sentence,
     ranked_hypotheses,
 )
@@ -62,13 +61,6 @@ def test_what_is_left_over_has_signals_and_driving(strange_day):
     assert 0.0 <= left["share"] <= 1.0
     assert left_over_sentence(left) in strange_day.answer.warnings
     assert "no catalogued effect explains" in left_over_sentence(left)
-
-
-def test_the_rate_of_false_alarms_is_that_of_the_baselines_own_recordings(other_car):
-    normal = dataclasses.replace(other_car.normal, left_out_none=np.array([0.9, 0.01, 0.8, 0.95]))
-    assert false_alarm_rate(normal, 0.05) == {"asked": 0.05, "observed": 0.25, "left_out": 4, "alarms": 1}
-    alone = dataclasses.replace(normal, left_out_none=np.zeros(0))
-    assert false_alarm_rate(alone, 0.05)["observed"] is None
 
 
 @pytest.mark.slow

@@ -75,24 +75,32 @@ class Spread(NamedTuple):
         """The same of a car whose equations lack so many times as much from stretch to stretch."""
         return self._replace(stretch=factor**2 * self.stretch)
 
-    def of_blocks(self, information: np.ndarray, blocks: float) -> np.ndarray:
-        """Covariance of one stretch's scores that its blocks make [m, m]."""
-        own = np.diag(information) / blocks
+    def of_blocks(self, information: np.ndarray, blocks: np.ndarray | float) -> np.ndarray:
+        """Covariances of stretches' scores that their blocks make [..., m, m].
+
+        Args:
+            information: of each stretch [..., m, m]; blocks: of time in each [...].
+        """
+        count = np.asarray(blocks)[..., None, None]
+        own = np.diagonal(information, axis1=-2, axis2=-1) / count[..., 0]
         grown = np.sqrt(own / np.maximum(self.information, 1e-300 + 1e-6 * own))
         known = SHRUNK / (SHRUNK + self.blocks)
-        seen = (1.0 - known) * self.covariance * np.outer(grown, grown) + known * self.ratio * information / blocks
-        out = blocks * (1.0 + HANGS * (blocks - 1.0)) * seen
-        variance = np.diag(out)
-        return np.asarray(out + np.diag(OFF_SHAPE * variance + TINY * np.mean(variance) + 1e-300))
+        seen = (1.0 - known) * self.covariance * (grown[..., :, None] * grown[..., None, :])
+        seen += known * self.ratio * information / count
+        out = count * (1.0 + HANGS * (count - 1.0)) * seen
+        variance = np.diagonal(out, axis1=-2, axis2=-1)
+        alone = OFF_SHAPE * variance + TINY * np.mean(variance, axis=-1, keepdims=True) + 1e-300
+        return np.asarray(out + alone[..., None] * np.eye(len(self.information)))
+
+    def of_each(self, some: Stretches, scale: float = 1.0) -> np.ndarray:
+        """Covariances of stretches' scores, but for what varies from recording to recording [K, m, m]."""
+        lacking = (some.information * self.stretch) @ some.information
+        return lacking + scale * some.harder[:, None, None] * self.of_blocks(some.information, some.blocks)
 
     def of_stretches(self, some: Stretches, scale: float = 1.0) -> np.ndarray:
         """Covariance of the summed scores of stretches of one recording [m, m]; scale: of what their blocks make."""
         total = some.information.sum(axis=0)
-        out = (total * self.recording) @ total
-        for information, blocks, harder in zip(some.information, some.blocks, some.harder, strict=True):
-            out = out + (information * self.stretch) @ information
-            out = out + scale * harder * self.of_blocks(information, blocks)
-        return np.asarray(out)
+        return np.asarray((total * self.recording) @ total + self.of_each(some, scale).sum(axis=0))
 
 
 class Known(NamedTuple):
@@ -128,15 +136,34 @@ def stretches_of(day: Day, scales: np.ndarray, precision: np.ndarray, slipping: 
 
 def known_from(stretches: Stretches, model: Spread, prior: np.ndarray) -> Known:
     """What stretches tell of a car's deviations; prior: standard deviations [m] before them."""
-    precision, pull = np.diag(1.0 / prior**2), np.zeros(len(prior))
-    for k in np.unique(stretches.recording):
-        some = stretches.kept(stretches.recording == k)
-        information, scores = some.information.sum(axis=0), some.scores.sum(axis=0)
-        solved = np.linalg.solve(model.of_stretches(some), np.column_stack([information, scores]))
-        precision = precision + information @ solved[:, :-1]
-        pull = pull - information @ solved[:, -1]
-    covariance = np.linalg.inv(0.5 * (precision + precision.T))
-    return Known(covariance @ pull, covariance)
+    return known_without(stretches, model, prior, [np.zeros(len(stretches.blocks), dtype=bool)])[0]
+
+
+def known_without(
+    stretches: Stretches, model: Spread, prior: np.ndarray, left_out: Sequence[np.ndarray]
+) -> list[Known]:
+    """The same without the stretches of each mask [K]; of a recording that has none of them it is computed once."""
+    each, out = model.of_each(stretches), []
+    recordings = [np.flatnonzero(stretches.recording == k) for k in np.unique(stretches.recording)]
+    parts = [(stretches.information[k], stretches.scores[k], each[k]) for k in recordings]
+
+    def shown(part: tuple[np.ndarray, ...], kept: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Precision and pull that a recording adds."""
+        information, scores, covariance = (np.tensordot(kept.astype(float), one, 1) for one in part)
+        covariance = (information * model.recording) @ information + covariance
+        solved = np.linalg.solve(covariance, np.column_stack([information, scores]))
+        return information @ solved[:, :-1], -information @ solved[:, -1]
+
+    whole = [shown(part, np.ones(len(part[0]))) for part in parts]
+    for mask in left_out:
+        precision, pull = np.diag(1.0 / prior**2), np.zeros(len(prior))
+        for k, part, of_all in zip(recordings, parts, whole, strict=True):
+            if not mask[k].all():
+                more = shown(part, ~mask[k]) if mask[k].any() else of_all
+                precision, pull = precision + more[0], pull + more[1]
+        covariance = np.linalg.inv(0.5 * (precision + precision.T))
+        out.append(Known(covariance @ pull, covariance))
+    return out
 
 
 @dataclass(frozen=True)

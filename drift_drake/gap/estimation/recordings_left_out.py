@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import logsumexp
 
-from drift_drake.gap.estimation.baseline import Known, Scatter, Spread, Stretches, known_from, predicted
+from drift_drake.gap.estimation.baseline import Known, Scatter, Spread, Stretches, known_from, known_without, predicted
 from drift_drake.gap.estimation.prediction_constants import (
     FACTOR_SPREAD,
     FACTORS,
@@ -62,8 +62,9 @@ def left_out(stretches: Stretches, model: Spread, prior: np.ndarray) -> list[Lef
 def apart(stretches: Stretches, model: Spread, prior: np.ndarray, part: np.ndarray, most: int = 2**31) -> list[LeftOut]:
     """Parts of stretches, each with what all others tell; part: of each stretch [K]; most: of them, evenly chosen."""
     parts = np.unique(part)
-    return [LeftOut(stretches.kept(part == k), known_from(stretches.kept(part != k), model, prior), model)
-            for k in parts[:: -(-len(parts) // most)]]  # fmt: skip
+    each = [part == k for k in parts[:: -(-len(parts) // most)]]
+    known = known_without(stretches, model, prior, each)
+    return [LeftOut(stretches.kept(mask), of_others, model) for mask, of_others in zip(each, known, strict=True)]
 
 
 def scale_of(distances: np.ndarray) -> float:

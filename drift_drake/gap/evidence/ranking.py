@@ -5,7 +5,6 @@ from collections.abc import Mapping, Sequence
 from typing import Literal
 
 import numpy as np
-from scipy.special import logsumexp
 
 from drift_drake.car.effects.catalogue import CATALOGUE
 from drift_drake.gap.evidence.alarms import FALSE_ALARMS, threshold
@@ -63,7 +62,7 @@ def ranked(
     warm = constants.temperature  # of evidence alone: what logs say nothing of keeps its prior
 
     def mixed(evidence: np.ndarray | float) -> float:
-        return float(logsumexp(evidence / warm + factors))
+        return float(np.logaddexp.reduce(np.atleast_1d(evidence / warm + factors)))
 
     for h in hypotheses:
         name, before, evidence = hypothesis_name(h.names), prior(h, catalogue, constants), h.log_evidence + h.by_factor

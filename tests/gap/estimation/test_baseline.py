@@ -15,6 +15,7 @@ from drift_drake.gap.estimation.baseline import (
     Spread,
     Stretches,
     known_from,
+    known_without,
     predicted,
     scatter_of,
     slipping_of,
@@ -82,6 +83,21 @@ def test_what_is_known_of_a_car_is_the_posterior_of_a_linear_regression():
     gain = np.diag(prior**2) @ design.T @ np.linalg.inv(total)
     np.testing.assert_allclose(known.mean, gain @ some.scores.ravel(), rtol=1e-4, atol=1e-6)
     np.testing.assert_allclose(known.covariance, np.diag(prior**2) - gain @ design @ np.diag(prior**2), atol=1e-6)
+
+
+def test_what_is_known_without_stretches_is_what_the_others_say():
+    rng = np.random.default_rng(3)
+    some = world(rng, 6, np.array([0.3, -0.2, 0.1, 0.0]))._replace(
+        recording=np.array([0, 1, 0, 1, 1, 2]), blocks=rng.uniform(2.0, 9.0, 6), harder=rng.uniform(0.5, 2.0, 6)
+    )
+    masks = [np.arange(6) == 2, some.recording == 1, np.arange(6) > 3]
+    model, prior = spread(recording=0.2)._replace(blocks=9, ratio=1.3), np.full(SIZE, 0.5)
+    for mask, found in zip(masks, known_without(some, model, prior, masks), strict=True):
+        expected = known_from(some.kept(~mask), model, prior)
+        np.testing.assert_allclose(found.mean, expected.mean, rtol=1e-9)
+        np.testing.assert_allclose(found.covariance, expected.covariance, rtol=1e-9)
+    one, blocks = spread().of_blocks(some.information[4], some.blocks[4]), spread().of_blocks(*some[1:3])
+    np.testing.assert_allclose(one, blocks[4])
 
 
 @pytest.mark.usefixtures("plain")

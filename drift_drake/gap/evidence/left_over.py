@@ -30,23 +30,23 @@ def left_over(scores: np.ndarray, scatter: Scatter, names: tuple[str, ...], slop
     """
     there = partial_effects(names)
     directions = scatter.information[:, len(names) : len(names) + len(there)]
-    anything = np.array([widened(float(scores @ weight @ scores), len(scores)) for weight in scatter.inverses])
-    by_direction = np.array([along(scores, weight, directions, slopes) for weight in scatter.inverses])
+    anything = widened((scores @ scatter.inverses) @ scores, len(scores))
+    by_direction = along(scores, scatter.inverses, directions, slopes)
     both = np.logaddexp(np.log(OF_PARTIAL) + log_mean(by_direction, 1), np.log(1.0 - OF_PARTIAL) + anything)
     return LeftOver(both, there[int(np.argmax(by_direction[scatter.main]))])
 
 
 def along(scores: np.ndarray, weight: np.ndarray, directions: np.ndarray, slopes: np.ndarray) -> np.ndarray:
-    """Log evidence [p] that scores [m] hold something along each of the directions [m, p], whatever its size.
+    """Log evidence [..., p] that scores [m] hold something along each of the directions [m, p], whatever its size.
 
     Args:
-        weight: inverse covariance of the scores [m, m]; slopes: what is free anyway [m, k].
+        weight: inverse covariances of the scores [..., m, m]; slopes: what is free anyway [m, k].
     """
     if slopes.shape[1]:
         bent = weight @ slopes
-        weight = weight - bent @ np.linalg.pinv(slopes.T @ bent) @ bent.T
+        weight = weight - bent @ np.linalg.pinv(slopes.T @ bent) @ np.swapaxes(bent, -1, -2)
     bent = weight @ directions
-    size, there = np.sum(directions * bent, axis=0), scores @ bent
+    size, there = np.sum(directions * bent, axis=-2), scores @ bent
     return log_mean(np.array([
         0.5 * there**2 * tau**2 / (1.0 + tau**2 * size) - 0.5 * np.log1p(tau**2 * size) for tau in SIZES
     ]), 0)  # fmt: skip
@@ -64,13 +64,14 @@ def with_noise(gain: np.ndarray | float, noise: float | None) -> np.ndarray | fl
     return np.asarray(np.logaddexp(np.log(1.0 - OF_NOISE) + gain, there))
 
 
-def widened(squared: float, count: int) -> float:
+def widened(squared: np.ndarray | float, count: int) -> np.ndarray:
     """Log evidence of scores that scatter more than is normal, over that of normal ones.
 
     Args:
-        squared: distance of the scores from normal, squared; count: of the scores.
+        squared: distances of the scores from normal, squared [...]; count: of the scores.
     """
-    return float(log_mean(0.5 * squared * (1.0 - 1.0 / WIDER) - 0.5 * count * np.log(WIDER), 0))
+    each = 0.5 * np.asarray(squared)[..., None] * (1.0 - 1.0 / WIDER) - 0.5 * count * np.log(WIDER)
+    return log_mean(each, -1)
 
 
 def log_mean(values: np.ndarray, axis: int) -> np.ndarray:

@@ -5,6 +5,7 @@ import pandas as pd
 import pytest
 from importing_bench import rows
 
+from drift_drake.gap.logs.importing.clocks import numbers_of_column
 from drift_drake.gap.logs.importing.formats.topics import Topic
 from drift_drake.gap.logs.importing.guess import guessed_mapping
 from drift_drake.gap.logs.importing.names import LIMIT, RULES, fit, is_handwheel
@@ -301,3 +302,12 @@ def test_a_position_to_the_east_and_north_is_x_and_y(names, taken):
     columns = {"yaw_rate": exact["r"], "speed": exact["v"], names[0]: exact["x"], names[1]: exact["y"]}
     signals = guessed_mapping([table(**columns)]).mapping["signals"]
     assert [signals.get(key, {}).get("column") for key in ("x", "y")] == (list(names) if taken else [None, None])
+
+
+def test_a_signalling_nan_of_a_damaged_file_is_a_gap():
+    t = np.arange(0.0, 4.0, 0.01)
+    speed = (12.0 + np.sin(t)).astype(np.float32)
+    speed.view(np.uint32)[7] = 0x7F800001
+    topic = Topic("", pd.DataFrame({"time": t, "speed": speed, "yaw_rate": np.cos(t)}))
+    assert set(guessed_mapping([topic]).mapping["signals"]) == {"r", "v"}
+    assert np.flatnonzero(np.isnan(numbers_of_column(topic, "speed"))).tolist() == [7]

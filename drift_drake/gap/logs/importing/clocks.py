@@ -45,7 +45,8 @@ def with_numbers(topic: Topic) -> Topic:
 
 
 def numbers_of_column(topic: Topic, column: str) -> Array:
-    return without_endless(topic.table[column].to_numpy(dtype=float, na_value=np.nan))
+    with np.errstate(invalid="ignore"):  # of a damaged file's signalling NaN
+        return without_endless(topic.table[column].to_numpy(dtype=float, na_value=np.nan))
 
 
 def clock_of(topic: Topic) -> str | None:

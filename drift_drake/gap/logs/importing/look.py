@@ -104,7 +104,8 @@ def _summary(topic: Topic) -> TopicSummary:
         rate, span = rate_of(t), float(t[-1] - t[0]) if len(t) else 0.0
     columns = []
     for name in topic.table.columns:
-        values = without_endless(as_numbers(topic.table[name]).to_numpy(dtype=float))
+        with np.errstate(invalid="ignore"):  # of a damaged file's signalling NaN
+            values = without_endless(as_numbers(topic.table[name]).to_numpy(dtype=float))
         seen = values[np.isfinite(values)]
         low, high = (float(np.min(seen)), float(np.max(seen))) if len(seen) else (None, None)
         columns.append(Column(name, topic.units.get(name, ""), low, high))

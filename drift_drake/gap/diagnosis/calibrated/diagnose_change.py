@@ -57,7 +57,8 @@ from drift_drake.gap.evidence.search import Search
 LEAST_FAMILIAR = 0.2  # share of familiar driving below which the verdict is more and more `unknown`
 GROSS = 5.0  # times its scale on the day of calibration that a channel's median error may be, whatever is added
 MEDIAN_OF_NORMAL = 0.6745  # of the absolute value, in standard deviations
-CERTAIN = 0.98  # probability of `unknown` then
+CERTAIN = 0.98  # probability of `unknown` then, and beyond the next
+FARTHEST = 3.0  # times what scores have in the mean, squared distance from normal beyond which `none` is no answer
 MOST_WINDOWS = 600  # of a day, evenly chosen
 LEAST_TIME = 5.0  # [s] of windows in all, below which scores are too few to be judged
 FAR = "errors far beyond the baseline's"  # the stage in which they are judged
@@ -309,7 +310,7 @@ def ranked_hypotheses(
         if not leading.names or (tells_from_zero(found.leading) and shrinks.estimate > 0.0):
             break
         kept = [h for h in kept if h is not found.leading]
-    if gross(search, leading) > GROSS:
+    if gross(search, leading) > GROSS or (found.verdict == NONE and none.nats > FARTHEST * 0.5 * none.scores):
         found = ranked(kept, *counts[:2], max(doubt, CERTAIN), false_alarms, noise, search.normal.factors)
     return dataclasses.replace(found, leading=leading), shrinks
 

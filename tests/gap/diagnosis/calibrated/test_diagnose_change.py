@@ -156,6 +156,16 @@ def test_what_recordings_differ_by_is_no_gross_gap(late_day):
     assert sizes[1] < 0.5 * sizes[0]
 
 
+def test_none_is_no_answer_to_scores_too_far_from_normal(late_day, monkeypatch):
+    monkeypatch.setattr(changed_day, "reduction", shrinking({}))
+    monkeypatch.setattr(changed_day, "gross", lambda *_: 1.0)
+    for nats, verdict in ((99.0, "none"), (101.0, "unknown")):
+        none = Hypothesis((), np.zeros(0), np.zeros((0, 0)), nats, -nats, scores=200)
+        monkeypatch.setattr(changed_day, "FARTHEST", 1.0)
+        found, _ = ranked_hypotheses(late_day.search, none, [], PRIORS)
+        assert (found.verdict, found.leading.names) == (verdict, ())
+
+
 def test_causes_that_remove_nothing_are_none_however_many(late_day, monkeypatch):
     monkeypatch.setattr(changed_day, "reduction", shrinking({("mass_error",): 0.4}))
     monkeypatch.setattr(changed_day, "gross", lambda *_: 1.0)

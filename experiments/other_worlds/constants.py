@@ -22,17 +22,17 @@ from drift_drake.common.safe_files import write_text
 from drift_drake.gap.estimation import baseline, prediction_constants, recordings_left_out
 from drift_drake.gap.estimation.baseline import Spread, Stretches
 from drift_drake.gap.estimation.recordings_left_out import OfBaseline
+from drift_drake.gap.evidence import alarms, ranking
 from drift_drake.gap.evidence import constants as of_diagnosis
 from drift_drake.gap.evidence import left_out as judging
 from drift_drake.gap.evidence import left_over as leaving
-from drift_drake.gap.evidence import ranking
 from drift_drake.gap.evidence.posterior import NONE, UNKNOWN, PosteriorConstants
 from experiments.made import begun, made, tabulated
 from experiments.other_worlds.road import Worlds, worlds_by_name
 from experiments.other_worlds.scoring import TOO, said_share, share
 from experiments.other_worlds.stretches import FACTORS, Calibrated, KeptDay, kept_world
 
-USED_IN: tuple[ModuleType, ...] = (baseline, recordings_left_out, judging, leaving, ranking)
+USED_IN: tuple[ModuleType, ...] = (baseline, recordings_left_out, judging, leaving, ranking, alarms)
 """Modules that read the constants, as names of their own."""
 MODULES: tuple[ModuleType, ...] = (prediction_constants, of_diagnosis)
 PRIORS = ("prior_none", "prior_single", "prior_unknown", "temperature")  # of `PRIORS` that single effects have
@@ -41,7 +41,7 @@ AS_ODDS = ("OF_PARTIAL", "HALF", "OPEN", "SURE_OF_NONE", "THRESHOLDS")
 NOT_SEEN = {
     "CALIBRATED": "intervals of parameters", "MODEL_FORM": "intervals of parameters", "SECOND": "pairs",
     "WORTH_A_PAIR": "pairs", "STANDS_FOR": "intervals of magnitudes", "OF_SCATTER": "intervals of magnitudes",
-    "PRIORS.prior_pair": "pairs",
+    "PRIORS.prior_pair": "pairs", "RECORDINGS_WORTH": "the rate of false alarms of one car",
 }  # fmt: skip
 """Constants that decide nothing to first order, and what they decide instead."""
 LEAST_P = 1e-4  # probability of the truth below which a day costs no more

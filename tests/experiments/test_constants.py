@@ -14,8 +14,8 @@ from drift_drake.gap.estimation.learn_normal import learn_normal
 from drift_drake.gap.estimation.partial import partial_effects
 from drift_drake.gap.estimation.scores import between_recordings, make_day, units
 from drift_drake.gap.estimation.windows import windowed
+from drift_drake.gap.evidence import alarms, left_out, left_over, ranking
 from drift_drake.gap.evidence import constants as of_diagnosis
-from drift_drake.gap.evidence import left_out, left_over, ranking
 from drift_drake.gap.identification.by_prediction import prior_of
 from experiments.other_worlds import constants, stretches
 from experiments.other_worlds.constants import (
@@ -81,7 +81,9 @@ def test_every_constant_is_shown_or_said_not_to_be():
 @pytest.mark.parametrize("name", [name for name in names_of_constants() if name != "REGULAR"])
 def test_a_constant_is_another_one_in_the_modules_that_read_it(name):
     modules = [
-        m for m in (baseline, recordings_left_out, left_out, left_over, ranking) if hasattr(m, name.split(".")[0])
+        m
+        for m in (baseline, recordings_left_out, left_out, left_over, ranking, alarms)
+        if hasattr(m, name.split(".")[0])
     ]
     assert modules
     before = [repr(getattr(m, name.split(".")[0])) for m in modules]

@@ -22,7 +22,7 @@ WHEELBASES = {  # of a vehicle, least and most
     "front_track": (0.1, 3.0), "rear_track": (0.1, 3.0), "cg_height": (0.0, 2.0), "front_roll_center": (0.0, 1.0),
     "rear_roll_center": (0.0, 1.0),
 }  # fmt: skip
-MOST_TIMES = 10.0
+MOST_TIMES = 10.0  # the weight or torque that drag and differential are held against
 FASTEST_SETTLING = 1e5  # [1/s]; the coupe's rear rims have 5e3 at their slowest
 FAST = 30.0  # [m/s] at which tyres roll through their relaxation
 

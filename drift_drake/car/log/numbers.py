@@ -19,6 +19,12 @@ def as_numbers(values: "pd.Series[Any]") -> "pd.Series[Any]":
         return pd.to_numeric(values.mask(values.astype(str).str.fullmatch(ENDLESS)), errors="coerce")
 
 
+def measured_numbers(values: "pd.Series[Any]") -> Array:
+    """A column of numbers [n], NaN where they are none that could be measured, or a damaged file's signalling NaN."""
+    with np.errstate(invalid="ignore"):
+        return without_endless(values.to_numpy(dtype=float, na_value=np.nan))
+
+
 def without_endless(values: Array) -> Array:
     """Numbers [n], NaN where they are none that could be measured."""
     endless = ~(np.abs(values) <= MEASURABLE)

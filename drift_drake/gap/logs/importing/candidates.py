@@ -86,7 +86,7 @@ def named_candidates(quantity: str, ordered: Sequence[Topic], clocks: Mapping[st
 def over_ground(ordered: Sequence[Topic]) -> dict[str, list[ColumnChoice]]:
     """Columns of a position to the east and to the north, as x and y: of the first topic that has both."""
     for topic in ordered:
-        columns = {axis: column for column in map(str, topic.table.columns) if (axis := axis_of(topic, column))}
+        columns = axes_of(topic)
         both = [columns.get(("position", way), "") for way in ("east", "north")]
         units = [_unit_of_position(topic, column) for column in both if column]
         if len(units) == 2 and None not in units:
@@ -105,7 +105,12 @@ def _unit_of_position(topic: Topic, column: str) -> str | None:
     return "" if stated is None and (words & GRID or "pos" in concepts(bare)[0]) else None
 
 
-def axis_of(topic: Topic, column: str) -> tuple[str, str] | None:
+def axes_of(topic: Topic) -> dict[tuple[str, str], str]:
+    """Columns of a velocity's and a position's parts to the north and east, by ("velocity" or "position", way)."""
+    return {axis: column for column in map(str, topic.table.columns) if (axis := _axis(topic, column))}
+
+
+def _axis(topic: Topic, column: str) -> tuple[str, str] | None:
     """Whether a column is a velocity's or a position's part to the north or east (`vel_n`, `VelEast`, `easting`)."""
     name = bracketed(own_name(topic, column))[0]
     words = ("v", name[1:].lower()) if name.lower() in ("vn", "ve") else pieces(name)

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pandas.api.types import is_numeric_dtype
 
-from drift_drake.car.log.numbers import as_numbers, without_endless
+from drift_drake.car.log.numbers import as_numbers, measured_numbers
 from drift_drake.common.arrays import Array
 from drift_drake.common.units import PACKED, unit_of
 from drift_drake.gap.logs.importing.formats.times import clock_seconds, packed_seconds, packed_unit
@@ -45,8 +45,7 @@ def with_numbers(topic: Topic) -> Topic:
 
 
 def numbers_of_column(topic: Topic, column: str) -> Array:
-    with np.errstate(invalid="ignore"):  # of a damaged file's signalling NaN
-        return without_endless(topic.table[column].to_numpy(dtype=float, na_value=np.nan))
+    return measured_numbers(topic.table[column])
 
 
 def clock_of(topic: Topic) -> str | None:

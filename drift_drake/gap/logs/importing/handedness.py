@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from drift_drake.common.arrays import Array
-from drift_drake.gap.logs.importing.candidates import ColumnChoice, Traces, axis_of
+from drift_drake.gap.logs.importing.candidates import ColumnChoice, Traces, axes_of
 from drift_drake.gap.logs.importing.clocks import own_name
 from drift_drake.gap.logs.importing.evidence import Trace, clockwise, derivative, product, sense, velocity
 from drift_drake.gap.logs.importing.formats.topics import Topic
@@ -45,7 +45,7 @@ def tracks(topics: Sequence[Topic], signals: Traces, place: tuple[Trace, Trace] 
     """
     found = [] if place is None else [("the position", clockwise(*velocity(*place, degrees=True)))]
     for topic in topics:
-        columns = {axis: column for column in map(str, topic.table.columns) if (axis := axis_of(topic, column))}
+        columns = axes_of(topic)
         for of in ("velocity", "position"):
             if {(of, "north"), (of, "east")} <= set(columns):
                 names = [columns[of, way] for way in ("north", "east")]

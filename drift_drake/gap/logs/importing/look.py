@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import yaml
 
-from drift_drake.car.log.numbers import as_numbers, without_endless
+from drift_drake.car.log.numbers import as_numbers, measured_numbers
 from drift_drake.gap.logs.importing.clocks import clock_of, rate_of, seconds, with_numbers
 from drift_drake.gap.logs.importing.formats.files import InvalidRecordingError
 from drift_drake.gap.logs.importing.formats.topics import Topic
@@ -104,8 +104,7 @@ def _summary(topic: Topic) -> TopicSummary:
         rate, span = rate_of(t), float(t[-1] - t[0]) if len(t) else 0.0
     columns = []
     for name in topic.table.columns:
-        with np.errstate(invalid="ignore"):  # of a damaged file's signalling NaN
-            values = without_endless(as_numbers(topic.table[name]).to_numpy(dtype=float))
+        values = measured_numbers(as_numbers(topic.table[name]))
         seen = values[np.isfinite(values)]
         low, high = (float(np.min(seen)), float(np.max(seen))) if len(seen) else (None, None)
         columns.append(Column(name, topic.units.get(name, ""), low, high))

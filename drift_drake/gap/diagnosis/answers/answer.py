@@ -75,7 +75,9 @@ class Answer:
             )
         least = self.details.get("at_least", [])
         parts = [_stated(name, self.magnitudes[name], name in least) for name in self.causes]
-        too = ["an additional fault that the catalogue lacks"] if self.details.get("left_over") else []
+        left = self.details.get("left_over", {})
+        likely = left.get("probability", 1.0) > 0.5
+        too = ["an additional fault that the catalogue lacks"] if left and likely else []
         name = "+".join(sorted(self.causes))
         probability = self.posterior[name] + self.posterior.get(f"{name}+unknown", 0.0)
         remove = f"{'it removes' if len(parts) == 1 else 'they remove'} {_removed(self.reduction.estimate)}"
@@ -83,6 +85,8 @@ class Answer:
         if self.details.get("decision") == "cause_open":
             said = f"there is a gap whose cause these logs leave open: most likely {said}"
         remains = f" {too[0][0].upper()}{too[0][1:]} is left over." if too else ""
+        if left and not likely:
+            remains = f" An additional fault that the catalogue lacks may be there too ({left['probability']:.2f})."
         return (
             f"{self.case}: {said}; {remove} of the gap on parts of runs that were not fitted.{remains}{self._rivals()}"
         )

@@ -36,7 +36,7 @@ USED_IN: tuple[ModuleType, ...] = (baseline, recordings_left_out, judging, leavi
 """Modules that read the constants, as names of their own."""
 MODULES: tuple[ModuleType, ...] = (prediction_constants, of_diagnosis)
 PRIORS = ("prior_none", "prior_single", "prior_unknown", "temperature")  # of `PRIORS` that single effects have
-AS_ODDS = ("OF_PARTIAL", "HALF", "OPEN", "SURE_OF_NONE", "THRESHOLDS")
+AS_ODDS = ("OF_PARTIAL", "HALF", "ALSO", "OPEN", "SURE_OF_NONE", "THRESHOLDS")
 """Shares and probabilities: their odds are halved and doubled."""
 NOT_SEEN = {
     "CALIBRATED": "intervals of parameters", "MODEL_FORM": "intervals of parameters", "SECOND": "pairs",

@@ -8,7 +8,7 @@ import numpy as np
 
 from drift_drake.car.effects.catalogue import CATALOGUE
 from drift_drake.gap.evidence.alarms import FALSE_ALARMS, threshold
-from drift_drake.gap.evidence.constants import ELSE, HALF, OPEN, SECOND, SURE_OF_NONE
+from drift_drake.gap.evidence.constants import ALSO, ELSE, HALF, OPEN, SECOND, SURE_OF_NONE
 from drift_drake.gap.evidence.hypotheses import Hypothesis
 from drift_drake.gap.evidence.left_over import with_noise
 from drift_drake.gap.evidence.posterior import (
@@ -34,7 +34,7 @@ class DayRanked(Ranked[Hypothesis]):
     """
 
     decision: Decision = "none"
-    something_else: float = 0.0  # probability of an unknown cause in addition to the leading one, if that is
+    something_else: float = 0.0  # probability of an unknown cause in addition to the leading one, where that is said
 
     @property
     def most_like(self) -> str:
@@ -121,15 +121,20 @@ def concluded_from(
     lead = max(causes, key=lambda name: causes[name], default=NONE)
     none = probabilities.get(NONE, 0.0)
     with_more = probabilities.get(lead + TOO, 0.0) / max(causes.get(lead, 1.0), 1e-300)
-    if with_more > 0.5 and explained(by_name[lead], by_name[NONE]) >= HALF:
+    is_gap = none < threshold(false_alarms)
+    too = [name for name in probabilities if name.endswith(TOO)]
+    further = sum(probabilities[name] for name in (*too, UNKNOWN)) / max(1.0 - none, 1e-300)
+    # Which cause it is may be open, while each leaves something over.
+    more = with_more if with_more > 0.5 else further if is_gap and too and further > ALSO else 0.0
+    if more and lead != NONE and explained(by_name[lead], by_name[NONE]) >= HALF:
         probabilities[lead] = causes[lead]
-        del probabilities[lead + TOO]
-    elif with_more > 0.5:
-        probabilities[UNKNOWN] += probabilities.pop(lead + TOO)
-        causes[lead] = probabilities[lead]
+        probabilities.pop(lead + TOO, None)
+    elif more and lead != NONE:
+        probabilities[UNKNOWN] += sum(probabilities.pop(name) for name in (too if with_more <= 0.5 else [lead + TOO]))
+        causes[lead] = probabilities.get(lead, 0.0)
     verdict: str = NONE
     decision: Decision = "none" if none >= SURE_OF_NONE else "undecided"
-    if none < threshold(false_alarms):
+    if is_gap:
         cause = causes.get(lead, 0.0)
         verdict = "effect" if cause > probabilities[UNKNOWN] else UNKNOWN
         decision = "cause" if verdict == "effect" and cause >= OPEN * (1.0 - none) else "cause_open"
@@ -142,7 +147,7 @@ def concluded_from(
     ambiguous += [name for name in causes if name + TOO in ambiguous and name not in ambiguous]
     return DayRanked(
         probabilities, ambiguous, verdict, by_name[known], decision,
-        with_more if verdict == "effect" and lead + TOO not in probabilities else 0.0,
+        more if verdict == "effect" and lead + TOO not in probabilities else 0.0,
     )  # fmt: skip
 
 

@@ -140,6 +140,26 @@ def test_a_cause_that_explains_less_than_half_of_a_gap_is_unknown():
     assert found.something_else == 0.0
 
 
+def test_rivals_that_each_leave_something_over_say_so_together():
+    gap = dataclasses.replace(NONE, nats=300.0, log_evidence=-300.0, left_over=LeftOver(0.0, None))
+    ratio = single("steering_ratio_error", 0.1, 0.01, nats=60.0, gain=-10.0)
+    stiffness = single("front_stiffness_error", 0.2, 0.02, nats=60.0, gain=-0.5)
+    found = ranked([gap, ratio, stiffness], 28, PRIORS)
+    weight = [CATALOGUE[h.names[0]].daily for h in (ratio, stiffness)]
+    more = [w * ELSE * np.exp(gain / PRIORS.temperature) for w, gain in zip(weight, (-10.0, -0.5), strict=True)]
+    assert (found.verdict, found.leading.names) == ("effect", ("front_stiffness_error",))
+    assert found.something_else == pytest.approx(sum(more) / (sum(more) + sum(weight)), rel=0.01)
+    assert "front_stiffness_error+unknown" not in found.probabilities
+    # What explains less than half of the gap is no cause with something else: what each leaves over is unknown.
+    far = [dataclasses.replace(h, nats=220.0, log_evidence=h.log_evidence - 160.0) for h in (ratio, stiffness)]
+    assert ranked([gap, *far], 28, PRIORS).probabilities["unknown"] > 0.3
+    # Where there is no gap nothing is said of it.
+    calm = dataclasses.replace(NONE, nats=3.0, log_evidence=-3.0, left_over=LeftOver(0.0, None))
+    found = ranked([calm, single("mass_error", 0.1, 0.01, nats=2.5, gain=0.0)], 28, PRIORS)
+    assert (found.verdict, found.something_else) == ("none", 0.0)
+    assert "mass_error+unknown" in found.probabilities
+
+
 def test_rivals_leave_the_cause_open():
     two = [single("mass_error", 0.1, 0.01, nats=1.0), single("torque_gain_error", 0.1, 0.01, nats=1.4)]
     assert ranked([NONE, *two], 28, PRIORS).decision == "cause_open"

@@ -85,6 +85,9 @@ def test_the_four_decisions_are_said():
     assert "a gap whose cause these logs leave open: most likely mass_error" in cause.sentence()
     left = dataclasses.replace(cause, details={"decision": "cause", "left_over": {"share": 0.4}})
     assert "mass_error 0.1 (95 %: 0.08 to 0.12) and an additional fault that the catalogue lacks" in left.sentence()
+    may = dataclasses.replace(cause, details={"decision": "cause", "left_over": {"share": 0.4, "probability": 0.35}})
+    assert "and an additional fault" not in may.sentence()
+    assert "An additional fault that the catalogue lacks may be there too (0.35)." in may.sentence()
 
 
 def test_a_cause_with_something_else_too_is_no_rival_of_itself():

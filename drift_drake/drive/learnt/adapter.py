@@ -9,7 +9,7 @@ from pydrake.systems.framework import BasicVector, Context, DiscreteValues, Leaf
 from drift_drake.car.internal_states import InternalStateObserver, RememberingStepModel
 from drift_drake.common.arrays import Array
 from drift_drake.common.updates import declare_output, declare_update
-from drift_drake.drive.learnt.bayesian_step import regression_points
+from drift_drake.drive.learnt.bayesian_step import bank_points
 from drift_drake.drive.learnt.checkpoint import BayesianModel
 from drift_drake.drive.learnt.command_lag import TIME_STEP, CommandLag
 from drift_drake.drive.learnt.features import COVARIANCE_COUNT, FEATURE_COUNT, MEAN_COUNT, STATE_COUNT
@@ -50,16 +50,15 @@ def adapt_bank(
         return None
     if not (np.isfinite(lagged).all() and np.isfinite(u).all() and np.isfinite(u_next).all()):
         return None
-    steps = [(np.append(x[:6], own), u, u_next, x_next) for own in lagged]
+    rows = np.column_stack([np.tile(x[:6], (len(lagged), 1)), lagged])
     if car is not None:
-        one = left_over(car, models[0].vehicle, *(part[None] for part in steps[0]))
-        steps = [(one[0][0], one[1][0], one[2][0], one[3][0])]
-    points = [regression_points(model, *step) for model, step in zip(models, steps, strict=True)]
-    together = list(zip(models, posteriors, points, strict=True))
-    if min(mahalanobis(predict(belief, model.sigma, phi), y) for model, belief, (phi, y) in together) > threshold:
+        rows, *later = left_over(car, models[0].vehicle, rows, u[None], u_next[None], x_next[None])
+        u, u_next, x_next = (part[0] for part in later)
+    each = list(zip(models, posteriors, *bank_points(models, rows, u, u_next, x_next), strict=True))
+    if all(mahalanobis(predict(belief, model.sigma, phi), y) > threshold for model, belief, phi, y in each):
         return None
     found = []
-    for model, belief, (phi, y) in together:
+    for model, belief, phi, y in each:
         after, density = update_and_density(belief, model.sigma, phi, y, model.sample_weight)
         found.append(Adapted(after, density, y - np.sum(after.mean * phi, axis=-1)))
     return found

@@ -12,6 +12,7 @@ have no learnt part (g_5 = g_6 = 0); two rules for their step are offered:
 """
 
 import copy
+from collections.abc import Sequence
 from functools import cache
 from typing import Literal
 
@@ -34,7 +35,7 @@ from drift_drake.drive.learnt.features import (
     MeanFunction,
     Network,
     OfFeatures,
-    features,
+    features_of_typical,
     network_inputs,
     places_of_inputs,
 )
@@ -67,9 +68,27 @@ def regression_points(model: BayesianModel, x: Array, u: Array, u_next: Array, x
     Args:
         x, x_next: states and lagged commands at both ends of a step [..., 8]; u, u_next: commands there [..., 2].
     """
-    z = network_inputs(x, u, u_next)
-    given = model.network.as_typical(z)[..., STATE_COUNT : STATE_COUNT + 2]
-    return features(model.network, z), residual(x, given, x_next, model.vehicle.constants())
+    return _points_of(model, model.network.as_typical(network_inputs(x, u, u_next)), x, x_next)
+
+
+def bank_points(
+    models: Sequence[BayesianModel], x: Array, u: Array, u_next: Array, x_next: Array
+) -> tuple[Array, Array]:
+    """The same [K, 4, 16], [K, 4] of one sample for each of K models that differ in their lags alone.
+
+    Args:
+        x: its state with the commands behind each model's lags [K, 8]; u, u_next [2]; x_next [6 or more].
+    """
+    each = np.ones((len(models), 1))
+    z = network_inputs(x, each * u, each * u_next)
+    typical = np.array([model.network.as_typical(row) for model, row in zip(models, z, strict=True)])
+    return _points_of(models[0], typical, x, x_next)
+
+
+def _points_of(model: BayesianModel, typical: Array, x: Array, x_next: Array) -> tuple[Array, Array]:
+    """`regression_points`, z [..., 10] being a typical car's."""
+    given = typical[..., STATE_COUNT : STATE_COUNT + 2]
+    return features_of_typical(model.network, typical), residual(x, given, x_next, model.vehicle.constants())
 
 
 @cache

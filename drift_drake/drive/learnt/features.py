@@ -116,7 +116,12 @@ def output_rows(network: Network) -> Array:
 
 def features(network: Network, z: Array) -> Array:
     """phi [..., 4, 16] at z [..., 10]."""
-    return feature_outputs(network, hidden_layers(network, all_inputs(network.as_typical(z), network.nominal))[1])
+    return features_of_typical(network, network.as_typical(z))
+
+
+def features_of_typical(network: Network, z: Array) -> Array:
+    """The same at what z [..., 10] would be of a typical car."""
+    return feature_outputs(network, hidden_layers(network, all_inputs(z, network.nominal))[1])
 
 
 class MeanFunction:

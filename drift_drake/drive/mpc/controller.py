@@ -68,6 +68,7 @@ class MpcController(LeafSystem):
         self._dual = self.DeclareDiscreteState(np.zeros(self.mpc.multiplier_count))
         self._alternative = self.DeclareDiscreteState(self._no_alternative())
         self._statistics = self.DeclareDiscreteState(np.zeros(len(SolveStatistics._fields)))
+        self._made: tuple[Array, StepModel] = np.empty(0), mpc.model  # scratch: the last theta's model
         declare_update(self, period, self._replan)
 
         for name, index in (("plan", self._plan), ("statistics", self._statistics)):
@@ -116,7 +117,10 @@ class MpcController(LeafSystem):
         """The model with the parameters that the port gives, where there is one."""
         if self._theta is None or not self._theta.HasValue(context):
             return self.mpc.model
-        return self.mpc.model.with_theta(self._theta.Eval(context))  # type: ignore[attr-defined]
+        theta = self._theta.Eval(context)
+        if not np.array_equal(theta, self._made[0]):
+            self._made = np.array(theta), self.mpc.model.with_theta(theta)  # type: ignore[attr-defined]
+        return self._made[1]
 
     def _last(self, context: Context, statistics: SolveStatistics) -> MpcSolution | None:
         """The last solution, as the Context holds it."""

@@ -102,10 +102,11 @@ class Mpc:
     parallel, with one iteration a solve for each. Once its dynamics hold it is followed if it costs less than `CHEAPER`
     times what the other does, and dropped if not. The guess is the reference's states and inputs. In every other
     `LOOK`, once that is dropped, and where it does not hold within one, it is the same with the steering at the other
-    lock than now: on a car whose front tyre slides in the drift wanted the reference's inputs lead back to the lock.
+    lock than now, if that is to the inside of the bend: on a car whose front tyre slides in the drift wanted the
+    reference's inputs lead back to the lock.
 
     Attributes:
-        problem: the OCP, a MathematicalProgram.
+        problem: the OCP, a MathematicalProgram; a solve sets its stages, not the program (`set_stages`).
 
     Args:
         model: one step of the car, as the controller believes it.
@@ -193,7 +194,7 @@ class Mpc:
                 primal=shifted(last.alternative.primal, self.horizon, gone, given)
             )
             look = math.floor(start / LOOK) > math.floor(last.plan.start / LOOK)
-        self.problem.set(self._tightened(covariance, model, data, guess))
+        self.problem.set_stages(self._tightened(covariance, model, data, guess))
         first = self._solver.solve(guess, dual, 1 if alternative else None)
         if not first.iterations or (first.failed and first.iterations[0].step == 0.0):
             raise NoPlanError(f"no plan was found: {first.status}; the last one goes on")
@@ -207,6 +208,7 @@ class Mpc:
     ) -> tuple[SqpResult, AlternativePlan | None, float, float]:
         """(what is followed, the alternative from now on, `restart`, seconds in all) of a solve and the alternative."""
         seconds, restart = sum(iteration.seconds for iteration in result.iterations), float(alternative is not None)
+        inside = bool(data.u_init[0] * data.curvature[0] > 0.0)  # of the bend: a car that counter-steers needs no other
         if not self.fresh_guesses:
             return result, None, restart, seconds
         if alternative is not None:
@@ -215,11 +217,12 @@ class Mpc:
             if other.status == "feasible" and other.cost < CHEAPER * result.cost:
                 return other, None, FOLLOWED, seconds
             done = other.failed or other.status in ("feasible", "line search failed")
-            if done and not alternative.turned and math.floor(start / LOOK) % 2:
+            if done and not alternative.turned and inside and math.floor(start / LOOK) % 2:
                 return result, self._fresh_guess(data, True), 1.0, seconds
             alternative = None if done else AlternativePlan(other.z, other.y, alternative.turned)
         if look or (alternative is None and result.iterations[-1].step < STUCK):
-            return result, self._fresh_guess(data, alternative is not None and not alternative.turned), 1.0, seconds
+            turned = inside and alternative is not None and not alternative.turned
+            return result, self._fresh_guess(data, turned), 1.0, seconds
         return result, alternative, restart, seconds
 
     def _fresh_guess(self, data: OcpData, turned: bool) -> AlternativePlan:

@@ -231,6 +231,20 @@ class OptimalControlProblem(MathematicalProgram):
     def set(self, data: OcpData) -> None:
         """Puts the data of one problem into the stages, and from there into the program.
 
+        Raises: as `set_stages`.
+        """
+        self.set_stages(data)
+        self._linear_cost.evaluator().UpdateCoefficients(self.stages.gradient, self.stages.constant)
+        given, free = self.stages.given, np.full(self.horizon, np.inf)
+        for binding, value in zip(self._given, (given[:-2], given[-2:]), strict=True):
+            binding.evaluator().set_bounds(value, value)
+        self._lane.evaluator().set_bounds(
+            np.concatenate([data.e_min[1:], -free]), np.concatenate([free, data.e_max[1:]])
+        )
+
+    def set_stages(self, data: OcpData) -> None:
+        """Puts the data into the stages alone, which are all that `LineSearchSqp` reads; the program keeps what it had.
+
         Raises:
             ValueError: data that is not finite or of the wrong length; the message names it.
         """
@@ -254,19 +268,13 @@ class OptimalControlProblem(MathematicalProgram):
         states[:-1, :6] = -2.0 * q * STATE_SCALE * reference
         slack[:] = self.weights.lane_penalty
         given = self.given(data)
-        bounds, lane, free = self.stages.bounds, self.stages.bounds.first[:-1], np.full(n, np.inf)
+        bounds, lane = self.stages.bounds, self.stages.bounds.first[:-1]
         low, high = bounds.low.copy(), bounds.high.copy()
         low[lane], high[lane + 1] = data.e_min[1:], data.e_max[1:]
         self.stages = self.stages._replace(
             gradient=gradient, constant=float(np.sum(q * reference * reference)), given=given,
             bounds=bounds._replace(low=low, high=high),
         )  # fmt: skip
-        self._linear_cost.evaluator().UpdateCoefficients(gradient, self.stages.constant)
-        for binding, value in zip(self._given, (given[:-2], given[-2:]), strict=True):
-            binding.evaluator().set_bounds(value, value)
-        self._lane.evaluator().set_bounds(
-            np.concatenate([data.e_min[1:], -free]), np.concatenate([free, data.e_max[1:]])
-        )
         self.dynamics.curvature = np.ascontiguousarray(data.curvature, dtype=float)
 
     def given(self, data: OcpData) -> Array:

@@ -121,7 +121,11 @@ class ReadingKind(enum.IntEnum):
 
 
 def spoilt_channels(reading: Array, last: Array, elapsed: float) -> Mask:
-    """Which channels [7] of a reading are wrong by themselves; arguments as those of `reading_kind`."""
+    """Which channels of a measured state [7] are wrong by themselves.
+
+    Args:
+        last: the last good one, NaN before the first; elapsed: time since [s].
+    """
     with np.errstate(invalid="ignore"):
         wrong = ~np.isfinite(reading) | (np.abs(reading) > LARGEST)
         wrong[[1, 3]] |= reading[[1, 3]] <= 0.0
@@ -130,18 +134,18 @@ def spoilt_channels(reading: Array, last: Array, elapsed: float) -> Mask:
     return np.asarray(wrong, dtype=np.bool_)
 
 
-def reading_kind(reading: Array, last: Array, elapsed: float, repeats: int) -> ReadingKind:
+def reading_kind(reading: Array, spoilt: Mask, repeats: int) -> ReadingKind:
     """What a measured state [7] is.
 
     Args:
-        last: the last good one, NaN before the first; elapsed: time since [s]; repeats: readings equal to this one
-            right before it.
+        spoilt: its channels that are wrong by themselves (`spoilt_channels`); repeats: readings equal to this one right
+            before it.
     """
     if not np.isfinite(reading).all():
         return ReadingKind.MISSING
     if reading[1] <= 0.0 or reading[3] <= 0.0:
         return ReadingKind.STOPPED
-    if spoilt_channels(reading, last, elapsed).any():
+    if spoilt.any():
         return ReadingKind.JUMPED
     return ReadingKind.FROZEN if repeats >= FROZEN else ReadingKind.GOOD
 
@@ -235,10 +239,11 @@ class Screen(LeafSystem):
         last = JudgedReading.of(before[1:-2])
         if t - before[0] < 0.5 * self._period:  # the same tick, after its update
             return last
-        kind = reading_kind(x, good[1:], t - good[0], int(self._repeats(context)))
+        spoilt = spoilt_channels(x, good[1:], t - good[0])
+        kind = reading_kind(x, spoilt, int(self._repeats(context)))
         if self._innovation is None:
             return JudgedReading(kind, x if kind == ReadingKind.GOOD else last.estimate)
-        spoilt, commands = spoilt_channels(x, good[1:], t - good[0]), (before[-2:], self._in_force(context))
+        commands = before[-2:], self._in_force(context)
         believed = context.get_discrete_state(self._last).value()[1:]
         return self._by_the_model(self._innovation, x, kind, spoilt, last, believed, commands)
 
@@ -253,25 +258,23 @@ class Screen(LeafSystem):
             estimate = x if kind == ReadingKind.GOOD else last.estimate
             holding = last.holding if kind == ReadingKind.GOOD else holding
             return JudgedReading(kind, estimate, spread=last.spread + self._period, holding=holding)
-        rates = model.rates(expected)
+        rates, spread, streak = model.rates(expected), math.hypot(last.spread, self._period), 0.0
+        agreeing, held = self._agreeing(model, x, expected, rates, last) if kind == ReadingKind.GOOD else (None, None)
+        if agreeing is not None and not (last.out.any() or last.holding.doubted > 0.0):
+            return agreeing  # nearly all readings
         moved, fused = predicted(expected, last.fused, jacobian, rates, self._period)
         # A channel that was wrong is so until it is where the others say: an offset that stays is none the truer.
         out = last.out & ~spoilt & ~within_gate(x - moved, fused, model.noise)
         out[BETA] |= last.holding.doubted > 0.0
-        # Where readings are missing, a force that is not modelled goes on acting; those that disagree with the model
-        # must not make it give way before they have lasted.
-        spread, streak = math.hypot(last.spread, self._period), 0.0
         used = ~(spoilt | out)
         if kind == ReadingKind.GOOD and out.any():
             kind = ReadingKind.DISAGREEING
         elif kind == ReadingKind.GOOD:
-            if model.distance(x, expected, spread) <= model.bound:
-                holding = model.held(last.holding, x, last.estimate) if last.kind == ReadingKind.GOOD else holding
-                if not holding.wrong(model.noise):
-                    fused = learnt(last.fused, x - expected, rates, model.noise, self._period)
-                    return JudgedReading(kind, x, fused=fused, holding=holding)
+            if agreeing is not None:
+                return agreeing
+            if held is not None:
                 alone: int | None = BETA
-                moved, fused = holding.without(x, model.noise)
+                moved, fused = held.without(x, model.noise)
                 holding = Holding(good=0.0, doubted=DOUBTED)
             else:
                 alone = model.alone(x, expected, spread)
@@ -285,6 +288,8 @@ class Screen(LeafSystem):
                 if streak * self._period >= PERSISTENT:
                     return JudgedReading(ReadingKind.GOOD, x, fused=Fused.after_good(model.noise), holding=holding)
         else:
+            # Where readings are missing, a force that is not modelled goes on acting; those that disagree with the
+            # model must not make it give way before they have lasted.
             spread = last.spread + self._period
             used = used if kind != ReadingKind.FROZEN else np.zeros_like(used)
         estimate, fused = corrected(moved, fused, x, used, model.noise, model.length)
@@ -292,6 +297,21 @@ class Screen(LeafSystem):
         return JudgedReading(
             kind, estimate, streak, spread, out if out.sum() <= MOST_OUT else np.zeros_like(out), fused, holding
         )
+
+    def _agreeing(
+        self, model: Innovation, x: Array, expected: Array, rates: Array, last: JudgedReading
+    ) -> tuple[JudgedReading | None, Holding | None]:
+        """(a good reading that agrees with the model's prediction and with what is held of the sideslip, if it does;
+        what is held then, if it agrees with the prediction)."""
+        if model.distance(x, expected, math.hypot(last.spread, self._period)) > model.bound:
+            return None, None
+        held = last.holding.after_bad(self._period)
+        if last.kind == ReadingKind.GOOD:
+            held = model.held(last.holding, x, last.estimate)
+        if held.wrong(model.noise):
+            return None, held
+        fused = learnt(last.fused, x - expected, rates, model.noise, self._period)
+        return JudgedReading(ReadingKind.GOOD, x, fused=fused, holding=held), held
 
     def _in_force(self, context: Context) -> Array:
         return self._command.Eval(context) if self._command.HasValue(context) else np.full(2, np.nan)

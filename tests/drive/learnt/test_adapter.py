@@ -255,4 +255,4 @@ def test_a_bank_refuses_what_none_of_its_models_expects(learner: BayesianModel) 
     for learnt, model, own in zip(found, models, lagged, strict=True):
         alone = adapted_alone(model, prior, np.append(x, own), u, u, rows[1][:6])
         assert alone is not None
-        np.testing.assert_array_equal(learnt.posterior.mean, alone.posterior.mean)
+        np.testing.assert_allclose(learnt.posterior.mean, alone.posterior.mean, rtol=1e-10)

@@ -12,7 +12,7 @@ from drift_drake.car.sensors import MEASURED_STATE, NoiseLevels
 from drift_drake.common.errors import InvalidOptionError
 from drift_drake.drive.loop.fault_systems import ActuatorFaults, PlanFaults, SensorFaults, SolverFaults
 from drift_drake.drive.loop.faults import Change, Fault, parse_fault, patch_friction, with_patches
-from drift_drake.drive.screening.screen import FROZEN, ReadingKind, Screen, reading_kind
+from drift_drake.drive.screening.screen import FROZEN, ReadingKind, Screen, reading_kind, spoilt_channels
 
 PERIOD = 0.01
 GOOD = np.array([0.1, 12.0, -0.1, 13.0, 0.2, 0.05, 3.0])
@@ -187,15 +187,15 @@ def test_what_a_reading_is(change: dict[int, float], kind: ReadingKind) -> None:
     x = GOOD.copy()
     for channel, value in change.items():
         x[channel] = value
-    assert reading_kind(x, GOOD, PERIOD, 0) == kind
+    assert reading_kind(x, spoilt_channels(x, GOOD, PERIOD), 0) == kind
 
 
 def test_a_reading_is_no_jump_after_a_while_unless_it_is_no_car_s() -> None:
     x = GOOD + np.array([0.0, 0.0, 0.0, 0.0, 50.0, 0.0, 0.0])
-    assert reading_kind(x, GOOD, 0.1, 0) == ReadingKind.JUMPED
-    assert reading_kind(x, GOOD, 1.0, 0) == ReadingKind.GOOD
-    assert reading_kind(1e6 * x, GOOD, 1.0, 0) == ReadingKind.JUMPED
-    assert reading_kind(x, np.full(7, np.nan), 0.0, 0) == ReadingKind.GOOD
+    assert reading_kind(x, spoilt_channels(x, GOOD, 0.1), 0) == ReadingKind.JUMPED
+    assert reading_kind(x, spoilt_channels(x, GOOD, 1.0), 0) == ReadingKind.GOOD
+    assert reading_kind(1e6 * x, spoilt_channels(1e6 * x, GOOD, 1.0), 0) == ReadingKind.JUMPED
+    assert reading_kind(x, spoilt_channels(x, np.full(7, np.nan), 0.0), 0) == ReadingKind.GOOD
 
 
 def test_the_screen_hands_good_readings_on_and_counts_the_others() -> None:

@@ -94,6 +94,16 @@ def test_a_front_tyre_that_slides_at_its_lock_grips_again(references: dict[str, 
     assert found[-1].cost < 100.0
 
 
+def test_a_car_that_counter_steers_is_asked_for_no_other_lock(mpc: Mpc) -> None:
+    solution, turned = None, []
+    for k in range(90):
+        s = START + 0.12 * k
+        solution = mpc.solve(mpc.reference.state(s), s, 0.01 * k, solution)
+        turned += [solution.alternative.turned] if solution.alternative else []
+    assert turned
+    assert max(turned) == 0.0
+
+
 def test_a_state_that_is_not_finite_has_no_plan(mpc: Mpc) -> None:
     with pytest.raises(NoPlanError, match="not finite"):
         mpc.solve(np.full(6, np.nan), START, 0.0)

@@ -73,6 +73,14 @@ class StepModel(Protocol):
         by_x, by_u, by_u_next = np.split(jacobian, [n, n + 2], axis=2)
         return self.step(x, u, u_next, curvature), by_x, by_u, by_u_next
 
+    def with_theta(self, theta: Array) -> "StepModel":  # noqa: ARG002 (a model with parameters needs them)
+        """The model with other parameters [k], of a model that has any.
+
+        Raises:
+            TypeError: it has none.
+        """
+        raise TypeError(f"{type(self).__name__} has no parameters to be given")
+
     def weighted_gradient(self, x: Array, u: Array, u_next: Array, curvature: Array, weights: Array) -> Array:
         """The derivative of weights [N, n] times x_next by (x, u, u_next) [N, n+4], from `linearize` as a rule."""
         _, by_x, by_u, by_u_next = self.linearize(x, u, u_next, curvature)

@@ -119,7 +119,7 @@ class MpcController(LeafSystem):
             return self.mpc.model
         theta = self._theta.Eval(context)
         if not np.array_equal(theta, self._made[0]):
-            self._made = np.array(theta), self.mpc.model.with_theta(theta)  # type: ignore[attr-defined]
+            self._made = np.array(theta), self.mpc.model.with_theta(theta)
         return self._made[1]
 
     def _last(self, context: Context, statistics: SolveStatistics) -> MpcSolution | None:

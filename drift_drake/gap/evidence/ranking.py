@@ -120,18 +120,18 @@ def concluded_from(
     }
     lead = max(causes, key=lambda name: causes[name], default=NONE)
     none = probabilities.get(NONE, 0.0)
-    with_more = probabilities.get(lead + TOO, 0.0) / max(causes.get(lead, 1.0), 1e-300)
-    is_gap = none < threshold(false_alarms)
-    too = [name for name in probabilities if name.endswith(TOO)]
-    further = sum(probabilities[name] for name in (*too, UNKNOWN)) / max(1.0 - none, 1e-300)
-    # Which cause it is may be open, while each leaves something over.
-    more = with_more if with_more > 0.5 else further if is_gap and too and further > ALSO else 0.0
-    if more and lead != NONE and explained(by_name[lead], by_name[NONE]) >= HALF:
+    is_gap, too = none < threshold(false_alarms), [name for name in probabilities if name.endswith(TOO)]
+    more = probabilities.get(lead + TOO, 0.0) / max(causes.get(lead, 1.0), 1e-300)
+    asked = [lead + TOO]  # for an unknown cause in addition
+    if more <= 0.5:  # which cause it is may be open, while each leaves something over
+        further = sum(probabilities[name] for name in (*too, UNKNOWN)) / max(1.0 - none, 1e-300)
+        more, asked = further if is_gap and too and further > ALSO else 0.0, too
+    if more and explained(by_name[lead], by_name[NONE]) >= HALF:
         probabilities[lead] = causes[lead]
         probabilities.pop(lead + TOO, None)
-    elif more and lead != NONE:
-        probabilities[UNKNOWN] += sum(probabilities.pop(name) for name in (too if with_more <= 0.5 else [lead + TOO]))
-        causes[lead] = probabilities.get(lead, 0.0)
+    elif more:
+        probabilities[UNKNOWN] += sum(probabilities.pop(name) for name in asked)
+        causes[lead] = probabilities[lead]
     verdict: str = NONE
     decision: Decision = "none" if none >= SURE_OF_NONE else "undecided"
     if is_gap:

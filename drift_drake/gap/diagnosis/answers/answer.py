@@ -75,8 +75,8 @@ class Answer:
             )
         least = self.details.get("at_least", [])
         parts = [_stated(name, self.magnitudes[name], name in least) for name in self.causes]
-        left, fault = self.details.get("left_over", {}), "n additional fault that the catalogue lacks"
-        too = [f"a{fault}"] if left and left.get("probability", 1.0) > 0.5 else []
+        left, fault = self.details.get("left_over", {}), "additional fault that the catalogue lacks"
+        too = [f"an {fault}"] if left and left.get("probability", 1.0) > 0.5 else []
         name = "+".join(sorted(self.causes))
         probability = self.posterior[name] + self.posterior.get(f"{name}+unknown", 0.0)
         remove = f"{'it removes' if len(parts) == 1 else 'they remove'} {_removed(self.reduction.estimate)}"
@@ -84,7 +84,7 @@ class Answer:
         if self.details.get("decision") == "cause_open":
             said = f"there is a gap whose cause these logs leave open: most likely {said}"
         is_left = "is left over" if too else f"may be there too ({left.get('probability', 0.0):.2f})"
-        remains = f" A{fault} {is_left}." if left else ""
+        remains = f" An {fault} {is_left}." if left else ""
         return (
             f"{self.case}: {said}; {remove} of the gap on parts of runs that were not fitted.{remains}{self._rivals()}"
         )

@@ -7,6 +7,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from drift_drake.app.pages.diagnose import left_over_text
 from drift_drake.app.pages.frame import STEPS
 from drift_drake.car.templates import TEMPLATES
 from drift_drake.car.vehicle_file import write_vehicle
@@ -208,3 +209,10 @@ def test_files_of_the_folder_alone_are_served_to_who_has_the_token(workbench, wi
     stranger = browser.new_context()
     assert stranger.request.get(workbench.site).status == 403
     stranger.close()
+
+
+def test_what_may_be_left_over_is_not_said_to_be():
+    what = "something that no effect of the catalogue explains"
+    assert left_over_text({"probability": 0.35}) == f"Perhaps left over (0.35): {what}."
+    assert left_over_text({"probability": 0.8, "like": "clock rate"}) == f"Left over: {what}; it acts like clock rate."
+    assert left_over_text({}) == f"Left over: {what}."

@@ -109,12 +109,17 @@ def _row(day: str, answer: Answer, state: str) -> list[str]:
     return [day, answer.verdict, ", ".join(answer.causes), "; ".join(sizes), probability, removed, stages.STATES[state]]
 
 
+def left_over_text(left: Mapping[str, Any]) -> str:
+    """What `details.left_over` says, and how probable it is where that is no more than one half."""
+    probability, like = left.get("probability", 1.0), left.get("like")
+    begins = "Left over" if probability > 0.5 else f"Perhaps left over ({probability:.2f})"
+    return f"{begins}: something that no effect of the catalogue explains{f'; it acts like {like}' if like else ''}."
+
+
 def _answer(answer: Answer) -> None:
     """What is left over first, then the sentence and its warnings."""
     if left := answer.details.get("left_over"):
-        like = left.get("like") if isinstance(left, dict) else None
-        text("p", "Left over: something that no effect of the catalogue explains"
-             + (f"; it acts like {like}." if like else "."), "warning")  # fmt: skip
+        text("p", left_over_text(left if isinstance(left, dict) else {}), "warning")
     text("p", answer.sentence(), "verdict" if answer.verdict == "none" else "verdict not")
     for warning in answer.warnings:
         text("p", warning, "warning")

@@ -74,7 +74,7 @@ class StepModel(Protocol):
         return self.step(x, u, u_next, curvature), by_x, by_u, by_u_next
 
     def with_theta(self, theta: Array) -> "StepModel":  # noqa: ARG002 (a model with parameters needs them)
-        """The model with other parameters [k], of a model that has any.
+        """The model with parameters theta [k] in place of its own, of a model that has any.
 
         Raises:
             TypeError: it has none.

@@ -30,8 +30,9 @@ def put_back(folder: Path, written: Mapping[str, bool]) -> None:
     for name, existed in written.items():
         path, kept = folder / name, _aside(folder / name)
         if kept.exists():
-            _remove(path)
-            kept.rename(path)
+            if path.is_dir() or kept.is_dir():
+                _remove(path)
+            kept.replace(path)  # a file in one step: a page that asks for it meanwhile gets it
         elif not existed:
             _remove(path)
 

@@ -1,6 +1,7 @@
 """A project's files: days, changes of two windows, hashes of inputs, and names of files that are sent."""
 
 import json
+import threading
 
 import pytest
 import yaml
@@ -199,6 +200,24 @@ def test_a_command_that_did_not_end_well_leaves_files_as_they_were(project):
         put_back(folder, written)
         assert (folder / checked.outputs[0]).exists() == (before is not None)
     assert (folder / checked.outputs[0]).read_text() == "earlier"
+
+
+def test_a_file_that_is_put_back_is_there_all_the_time(project):
+    report, ended, missed = project.folder / "report.html", threading.Event(), []
+
+    def ask():  # as a frame of the page does
+        while not ended.is_set():
+            missed.extend([1] * (not report.is_file()))
+
+    report.write_text("earlier")
+    asking = threading.Thread(target=ask)
+    asking.start()
+    for _ in range(300):
+        put_aside(project.folder, ["report.html"])
+        put_back(project.folder, {"report.html": True})
+    ended.set()
+    asking.join()
+    assert not missed
 
 
 def test_of_a_folder_that_is_made_anew_what_no_command_wrote_stays(project):

@@ -33,6 +33,7 @@ def posed(references: dict[str, Reference]) -> tuple[LineSearchSqp, np.ndarray]:
 
 
 def referee_costs(problem: OptimalControlProblem, guess: np.ndarray) -> list[float]:
+    """SNOPT's and IPOPT's; infinite, with which no cost agrees, where one has not converged."""
     options = SolverOptions()
     ipopt = IpoptSolver()
     for name, value in (("tol", 1e-8), ("bound_relax_factor", 0.0)):
@@ -40,8 +41,7 @@ def referee_costs(problem: OptimalControlProblem, guess: np.ndarray) -> list[flo
     for name, count in (("max_iter", 1500), ("limited_memory_max_history", 60)):
         options.SetOption(ipopt.id(), name, count)
     results = [referee.Solve(problem, guess, options) for referee in (SnoptSolver(), ipopt)]
-    assert all(result.is_success() for result in results)
-    return [result.get_optimal_cost() for result in results]
+    return [result.get_optimal_cost() if result.is_success() else np.inf for result in results]
 
 
 def problems(references: dict[str, Reference], name: str, horizon: int, count: int) -> list[OcpData]:

@@ -34,7 +34,7 @@ def test_derivatives_agree_with_central_differences(problem):
 
 
 def test_derivatives_are_those_of_all_runs_together(problem):
-    """Each run's block is the dense matrix's, which is zero off the blocks; coarser steps in time change them little."""
+    """Each run's block is the dense matrix's, zero off the blocks; coarser steps in time change them little."""
     theta = np.append(np.linspace(-0.3, 0.3, problem.nuisances), [-0.2, 0.05])
     gains = filter_case(problem, theta, NAMES)
     dense = sensitivity(problem, gains, theta, NAMES).dense()

@@ -164,7 +164,6 @@ def filter_run(
         innovations [rows, 9], gain [rows, 9, 9] (states by channels), whitening [rows, 9, 9]: filled.
     """
     rows = y.shape[0]
-    step = period / SUBSTEPS
     z, k, w = np.zeros(SIZE), np.zeros(SIZE + 2), np.zeros((2, SIZE))
     probe = np.zeros(SIZE, np.complex128)
     jacobian = np.zeros((SIZE + 2, CORRECTED))
@@ -194,7 +193,7 @@ def filter_run(
         propagate(f, process, period, moving, p, t)
         if acting:
             wrench[:] = wrenches[row - 1]
-        advance_row(z, delta, torque, row - 1, step, constants, effects, wrench, k, w)
+        advance_row(z, delta, torque, row - 1, period, SUBSTEPS, constants, effects, wrench, k, w)
         if acting:
             wrench[:] = wrenches[row]
         at = STAGES * row
@@ -234,6 +233,7 @@ def observe_run(
     delta: Any,
     torque: Any,
     period: Any,
+    substeps: Any,
     constants: Any,
     effects: Any,
     wrenches: Any,
@@ -246,6 +246,7 @@ def observe_run(
     """Innovations [rows, 9] of one run under frozen gains; `states` [rows, SIZE] receives the corrected states.
 
     Args:
+        substeps: Runge-Kutta steps a row.
         known: corrected state [SIZE] at `first`; with zero numbers it is what the row measures.
         wrenches: further force (F_x, F_y) [N] and yaw moment [N m] on the body from each row to the next [rows, 3];
             none with zero rows.
@@ -253,7 +254,6 @@ def observe_run(
         others: as in `filter_run`.
     """
     rows = y.shape[0]
-    step = period / SUBSTEPS
     z, k, w = np.zeros(SIZE), np.zeros(SIZE + 2), np.zeros((2, SIZE))
     predicted, nu, wrench = np.zeros(MEASURED), np.zeros(MEASURED), np.zeros(3)
     keep, acting = states.shape[0] == rows, wrenches.shape[0] == rows
@@ -267,7 +267,7 @@ def observe_run(
     for row in range(first + 1, rows):
         if acting:
             wrench[:] = wrenches[row - 1]
-        advance_row(z, delta, torque, row - 1, step, constants, effects, wrench, k, w)
+        advance_row(z, delta, torque, row - 1, period, substeps, constants, effects, wrench, k, w)
         at = STAGES * row
         if acting:
             wrench[:] = wrenches[row]

@@ -136,18 +136,19 @@ def filter_step(
 
 @compiled
 def advance_row(
-    z: Any, delta: Any, torque: Any, row: Any, step: Any, constants: Any, effects: Any, wrench: Any, k: Any, w: Any
-) -> Any:
+    z: Any, delta: Any, torque: Any, row: Any, period: Any, substeps: Any, constants: Any, effects: Any, wrench: Any,
+    k: Any, w: Any,
+) -> Any:  # fmt: skip
     """One row of Runge-Kutta steps, in place, under a further force and moment; k [SIZE + 2], w [2, SIZE] are scratch.
 
     The steps are split where the driven rim of a light axle settles faster than they could follow.
     """
+    step = period / substeps
     splits = min(int(step * wheel_rate(z[3], constants, effects) / STABLE), MOST_SPLITS) + 1
-    h = step / splits
-    for substep in range(SUBSTEPS * splits):
-        at = STAGES * row + 2.0 * substep / splits
-        end = at + 2.0 / splits
-        filter_step(z, delta, torque, at, end, h, constants, effects, wrench, k, w)
+    h, stages = step / splits, STAGES / (substeps * splits)
+    for substep in range(substeps * splits):
+        at = STAGES * row + stages * substep
+        filter_step(z, delta, torque, at, at + stages, h, constants, effects, wrench, k, w)
 
 
 @compiled

@@ -9,6 +9,7 @@ from scipy.special import log_ndtr
 
 from drift_drake.car.effects.catalogue import LIMITS, REFERENCE
 from drift_drake.car.parameters import VehicleParameters
+from drift_drake.gap.estimation.filter_state import SUBSTEPS
 from drift_drake.gap.estimation.prior import bounds, is_gap, log_density, scale
 from drift_drake.gap.estimation.problem import (
     NUISANCES,
@@ -17,17 +18,20 @@ from drift_drake.gap.estimation.problem import (
     Filtered,
     Gains,
     Problem,
+    car,
     counted,
     filter_case,
     flat,
     observe,
     observe_case,
+    run_commands,
 )
 
 MAGNITUDE_STEP = 2e-3  # of a magnitude's scale
 LEAST_SHARE = 0.1  # of a constant of the vehicle file
 CONVERGED = 0.05  # [nats] of predicted gain below which a fit has converged
 LIMITER = NUISANCES.index("limiter_settling")
+MOST_COARSE = 0.01  # [s] between rows up to which derivatives take one Runge-Kutta step a row
 FLAT = 1e-6  # precision of a magnitude's prior, which keeps what the data do not show from being singular
 MOST_AT_BOUNDS = 6  # parameters that a step may fix at their bounds, one after the other
 STALE = 2.0  # [nats] of gain below which derivatives are not worth renewing
@@ -151,27 +155,34 @@ def run_sensitivity(
         len(NUISANCES) + 2 * index + kind for kind, under in enumerate(START_MATTERS) if under.intersection(names)
     ]
     columns = [*shared, *starts, *range(problem.nuisances, len(theta))]
-    base, moved = counted(problem, problem.runs[index], gains.innovations[index]).ravel(), []
-    for column in columns:
-        there, step = _moved(problem, theta, names, column)
-        e = observe(problem, gains, there, names, index)
-        moved.append((counted(problem, problem.runs[index], e).ravel() - base) / step)
-    return np.stack(moved, axis=-1), np.array(columns)
+    run, effects, high = problem.runs[index], car(problem, theta, names)[1], parameter_limits(problem, names)[1]
+    substeps = 1 if run.period <= MOST_COARSE and effects.tyre_relaxation == 0.0 else SUBSTEPS
+    commands = run_commands(problem, index, theta, effects)
+    base = observe(problem, gains, theta, names, index, substeps=substeps, commands=commands)
+    moved = np.empty((np.sum(run.counted), np.sum(run.used), len(columns)))
+    for k, column in enumerate(columns):
+        there, step = _moved(problem, theta, names, column, high)
+        same = commands if column < LIMITER else None  # a deviation of the car
+        e = observe(problem, gains, there, names, index, substeps=substeps, commands=same)
+        moved[:, :, k] = counted(problem, run, (e - base) / step)
+    return moved.reshape(-1, len(columns)), np.array(columns)
 
 
 def last_derivative(
     problem: Problem, gains: Gains, theta: np.ndarray, names: Sequence[str], e: np.ndarray
 ) -> np.ndarray:
     """The same by the last parameter [count], from the innovations at theta [count]."""
-    there, step = _moved(problem, theta, names, len(theta) - 1)
+    there, step = _moved(problem, theta, names, len(theta) - 1, parameter_limits(problem, names)[1])
     return (observe_case(problem, gains, there, names) - e) / step
 
 
-def _moved(problem: Problem, theta: np.ndarray, names: Sequence[str], column: int) -> tuple[np.ndarray, float]:
-    """Parameters a step further in one of them, within its bounds, and the step."""
+def _moved(
+    problem: Problem, theta: np.ndarray, names: Sequence[str], column: int, high: np.ndarray
+) -> tuple[np.ndarray, float]:
+    """Parameters a step further in one of them, within its bound `high`, and the step."""
     first = problem.nuisances
     step = problem.step if column < first else MAGNITUDE_STEP * problem.unit_of(names[column - first])
-    step = step if theta[column] + step <= parameter_limits(problem, names)[1][column] else -step
+    step = step if theta[column] + step <= high[column] else -step
     moved = theta.copy()
     moved[column] += step
     return moved, step

@@ -18,7 +18,7 @@ from drift_drake.car.log.table import Run
 from drift_drake.car.parameters import RELATIVE, Constants, VehicleParameters
 from drift_drake.car.road import NO_WRENCH, on_road, with_bank
 from drift_drake.gap.estimation.filter import filter_run, observe_run
-from drift_drake.gap.estimation.filter_state import CHANNELS, CORRECTED, FILTER_STATES, MEASURED, SIZE
+from drift_drake.gap.estimation.filter_state import CHANNELS, CORRECTED, FILTER_STATES, MEASURED, SIZE, SUBSTEPS
 from drift_drake.gap.estimation.prior import bounds, scale
 from drift_drake.gap.estimation.run_data import RunData, first_sideslip, noise_levels, prepare_run
 
@@ -58,6 +58,8 @@ FED_RIM = 2.0  # [m/s per root s] that the rim speed wanders by where no torque 
 FED_INERTIA = 1e9  # factor on the rear axle's inertia then: no torque turns it, the measurement alone
 NO_ROWS = np.empty((0, SIZE))
 NO_STATE = np.empty(0)
+
+Commands = tuple[np.ndarray, np.ndarray]  # steering [rad] and torque [N m] on the stages' grid
 
 
 @dataclasses.dataclass(frozen=True)
@@ -206,7 +208,8 @@ def car(problem: Problem, theta: np.ndarray, names: Sequence[str]) -> tuple[Cons
     magnitudes["wheel_radius_error"] = (1.0 + wheel) * (1.0 + n["wheel_speed_scale"]) - 1.0
     if "steering_rate_limit" in magnitudes and "steering_lag" not in magnitudes:
         magnitudes["steering_lag"] = LIMITER_SETTLING * float(np.exp(n["limiter_settling"]))
-    return constants, combined(problem.own, Effects(**magnitudes))
+    effects = Effects(**magnitudes)
+    return constants, combined(problem.own, effects) if any(problem.own) else effects
 
 
 def first_row(run: RunData, names: Sequence[str]) -> int:
@@ -214,7 +217,7 @@ def first_row(run: RunData, names: Sequence[str]) -> int:
     return round(LATE_START / run.period) if WAITED_FOR.intersection(names) else 0
 
 
-def run_commands(problem: Problem, index: int, theta: np.ndarray, effects: Effects) -> tuple[np.ndarray, np.ndarray]:
+def run_commands(problem: Problem, index: int, theta: np.ndarray, effects: Effects) -> Commands:
     """What a run's commands become before they reach the car (`filter_state.actuated`)."""
     run, vehicle = problem.runs[index], problem.vehicle
     at = len(NUISANCES) + 2 * index
@@ -254,7 +257,7 @@ def filter_case(problem: Problem, theta: np.ndarray, names: Sequence[str]) -> Ga
 def observe(
     problem: Problem, gains: Gains, theta: np.ndarray, names: Sequence[str], index: int,
     wrench: np.ndarray = NO_WRENCH, extra_torque: np.ndarray | None = None, states: np.ndarray = NO_ROWS,
-    since: int = 0, known: np.ndarray = NO_STATE,
+    since: int = 0, known: np.ndarray = NO_STATE, substeps: int = SUBSTEPS, commands: Commands | None = None,
 ) -> np.ndarray:  # fmt: skip
     """Whitened innovations [rows, 9] of one run under frozen gains.
 
@@ -263,10 +266,11 @@ def observe(
         states: filled with the corrected states, if it has a row for each of the run's;
         since, known: row that it starts from, and the corrected state [SIZE] there; innovations are those from it on,
             the first zero.
+        substeps: Runge-Kutta steps a row; commands: what `run_commands` gives, if that is known.
     """
     run = problem.runs[index]
     constants, effects = car(problem, theta, names)
-    delta, torque = run_commands(problem, index, theta, effects)
+    delta, torque = commands or run_commands(problem, index, theta, effects)
     if extra_torque is not None:
         grid = np.arange(len(torque)) / STAGES
         torque = torque + np.interp(grid, np.arange(len(extra_torque)), extra_torque)
@@ -274,7 +278,7 @@ def observe(
     e = np.empty((len(run.y) - since, MEASURED))
     observe_run(
         run.y[since:], max(first_row(run, names) - since, 0), run.used, delta[STAGES * since :],
-        torque[STAGES * since :], run.period, constants, dynamic, with_bank(wrench, banked)[since:],
+        torque[STAGES * since :], run.period, substeps, constants, dynamic, with_bank(wrench, banked)[since:],
         gains.gain[index][since:], gains.whitening[index][since:], e, states, known,
     )  # fmt: skip
     return e if run.trace is None else e + run.trace[since:]

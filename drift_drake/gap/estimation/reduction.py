@@ -43,7 +43,6 @@ def roll_out(
     """
     rows = states.shape[0]
     acting = wrenches.shape[0] == rows
-    step = period / SUBSTEPS
     z, k, w, wrench = np.zeros(SIZE), np.zeros(SIZE + 2), np.zeros((2, SIZE)), np.zeros(3)
     predicted = np.zeros(MEASURED)
     for s in range(len(starts)):
@@ -57,7 +56,7 @@ def roll_out(
             for row in range(starts[s] + done, end):
                 if acting:
                     wrench[:] = wrenches[row]
-                advance_row(z, delta, torque, row, step, constants, effects, wrench, k, w)
+                advance_row(z, delta, torque, row, period, SUBSTEPS, constants, effects, wrench, k, w)
             done = steps[h]
             at = STAGES * end
             if acting:

@@ -234,7 +234,7 @@ def _row(y: Any, used: Any, command: Any, bank: Any, state: Any, innovations: An
     for j in range(len(state.z)):
         effects, z = Effects(*fixed_tuple(bank.dynamic[j], COUNT)), state.z[j]
         _actuated(bank, state, j, delta, torque)
-        advance_row(z, delta, torque, 0, bank.period / SUBSTEPS, constants, effects, bank.wrenches[j], k, w)
+        advance_row(z, delta, torque, 0, bank.period, SUBSTEPS, constants, effects, bank.wrenches[j], k, w)
         rates_of(z, delta[-1], torque[-1], constants, effects, bank.wrenches[j], k)
         predict_measurement(z, k[SIZE], k[SIZE + 1], effects, predicted)
         if j == 0:

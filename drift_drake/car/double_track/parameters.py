@@ -4,6 +4,7 @@ import dataclasses
 from typing import Any, NamedTuple
 
 from drift_drake.car.double_track.tyres import TireConstants, friction_at, stiffness_per_load
+from drift_drake.car.effects import changed
 from drift_drake.car.effects.magnitudes import Effects
 from drift_drake.car.parameters import (
     InvalidVehicleError,
@@ -99,15 +100,14 @@ def changed_constants(p: DoubleTrackConstants, q: Effects) -> DoubleTrackConstan
 
     `wheel_radius_error` is not one of them: as in the catalogue, it is the measured rim speed that is wrong.
     """
-    friction = 1.0 + q.friction_level
-    front_friction = friction * (1.0 + q.front_rear_friction_split)
-    rear_friction = friction * (1.0 - q.front_rear_friction_split)
+    front_stiffness, rear_stiffness = changed.front_stiffness(1.0, q), changed.rear_stiffness(1.0, q)
+    front_friction, rear_friction = changed.front_friction(1.0, q), changed.rear_friction(1.0, q)
     return DoubleTrackConstants(
-        p.mass * (1.0 + q.mass_error),
-        p.yaw_inertia * (1.0 + q.yaw_inertia_error),
+        changed.mass(p.mass, q),
+        changed.yaw_inertia(p.yaw_inertia, q),
         p.roll_inertia,
-        p.front_axle_distance + q.cg_shift,
-        p.rear_axle_distance - q.cg_shift,
+        changed.front_axle_distance(p.front_axle_distance, q),
+        changed.rear_axle_distance(p.rear_axle_distance, q),
         p.front_track,
         p.rear_track,
         p.cg_height,
@@ -121,7 +121,7 @@ def changed_constants(p: DoubleTrackConstants, q: Effects) -> DoubleTrackConstan
         p.load_time,
         p.wheel_radius,
         p.wheel_inertia,
-        p.rear_axle_inertia * (1.0 + q.drivetrain_inertia_error),
+        changed.rear_axle_inertia(p.rear_axle_inertia, q),
         p.gear_ratio * (1.0 + q.torque_gain_error),
         p.differential_preload,
         p.differential_share,
@@ -130,8 +130,8 @@ def changed_constants(p: DoubleTrackConstants, q: Effects) -> DoubleTrackConstan
         p.aero_drag + q.aero_drag,
         p.rolling_resistance + q.rolling_resistance,
         p.gravity,
-        changed_tire(p.front_tire, 1.0 + q.front_stiffness_error, front_friction, q.tyre_relaxation),
-        changed_tire(p.rear_tire, 1.0 + q.rear_stiffness_error, rear_friction, q.tyre_relaxation),
+        changed_tire(p.front_tire, front_stiffness, front_friction, q.tyre_relaxation),
+        changed_tire(p.rear_tire, rear_stiffness, rear_friction, q.tyre_relaxation),
     )
 
 

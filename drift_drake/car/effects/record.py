@@ -143,6 +143,7 @@ class Effect:
     limit: bool = False  # an upper limit: it acts more the smaller it is
     saturates: bool = False  # increases and decreases have different effects
     asked: bool = False  # a sentence of a `none` states its detection limit
+    watched: bool = False  # and one of a watch's "nothing has changed": a loss of friction, gains, lags, biases
     at_the_limit: bool = False  # it shows at the limit of grip alone
     scales: Literal["r", "v", "beta", "omega_r"] | None = None  # the reading that is multiplied by 1 + q
     resists: bool = False  # it brakes the car, like less torque

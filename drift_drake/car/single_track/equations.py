@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from drift_drake.car.deviation import Deviation
+from drift_drake.car.effects import changed
 from drift_drake.car.effects.catalogue import CATALOGUE, PARAMETRIC
 from drift_drake.car.effects.magnitudes import INTERNAL_COUNT, Effects, InternalStates
 from drift_drake.car.parameters import Constants
@@ -53,7 +54,7 @@ def rates(z: Any, command: Any, car: Any, out: Any) -> None:
 def wheel_rate(omega_r: Any, constants: Any, effects: Any) -> Any:
     """Rate [1/s] at which the driven rim settles in grip."""
     p = changed_constants(constants, effects)
-    stiffness = (p.rear_stiffness + p.front_coupling * p.front_stiffness) * (1.0 + effects.longitudinal_stiffness_error)
+    stiffness = changed.longitudinal_stiffness(p.rear_stiffness + p.front_coupling * p.front_stiffness, effects)
     return stiffness * p.wheel_radius**2 / (p.rear_axle_inertia * max(abs(omega_r), MIN_SLIP_SPEED))
 
 

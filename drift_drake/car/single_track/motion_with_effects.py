@@ -8,6 +8,7 @@ transfer) own those of `InternalStates`. Transport delays act on the commands be
 
 from typing import Any
 
+from drift_drake.car.effects import changed
 from drift_drake.car.effects.magnitudes import (
     Effects,
     InternalStates,
@@ -55,16 +56,16 @@ RATE_LIMIT_TIME = 0.002  # [s] in which a rate-limited wheel settles on a comman
 def changed_constants(p: Constants, q: Effects) -> Constants:
     """The car with the effects that only change parameters."""
     return Constants(
-        p.mass * (1.0 + q.mass_error),
-        p.yaw_inertia * (1.0 + q.yaw_inertia_error),
-        p.front_axle_distance + q.cg_shift,
-        p.rear_axle_distance - q.cg_shift,
+        changed.mass(p.mass, q),
+        changed.yaw_inertia(p.yaw_inertia, q),
+        changed.front_axle_distance(p.front_axle_distance, q),
+        changed.rear_axle_distance(p.rear_axle_distance, q),
         p.wheel_radius,
-        p.rear_axle_inertia * (1.0 + q.drivetrain_inertia_error),
+        changed.rear_axle_inertia(p.rear_axle_inertia, q),
         p.gear_ratio * (1.0 + q.torque_gain_error),
-        p.friction * (1.0 + q.friction_level),
-        p.front_stiffness * (1.0 + q.front_stiffness_error),
-        p.rear_stiffness * (1.0 + q.rear_stiffness_error),
+        changed.friction(p.friction, q),
+        changed.front_stiffness(p.front_stiffness, q),
+        changed.rear_stiffness(p.rear_stiffness, q),
         p.gravity,
         p.front_coupling,
         p.tyre,
@@ -140,7 +141,7 @@ def motion_with_effects(r: Any, v: Any, beta: Any, omega_r: Any, psi: Any, inter
     own_torque = select(0.0, q.torque_lag, internal.torque, tau)
     wheel_angle, torque = actuation_of(own_angle, own_torque, v, q, internal)
 
-    (f_zf, f_zr), along = shifted_loads(internal.a_x, p, q), 1.0 + q.longitudinal_stiffness_error
+    (f_zf, f_zr), along = shifted_loads(internal.a_x, p, q), changed.longitudinal_stiffness(1.0, q)
     v_x, v_y = front_contact_velocity(r, v, beta, wheel_angle, p.front_axle_distance)
     u_x, rear_v_y = v * cos(beta), v * sin(beta) - p.rear_axle_distance * r
     sigma_xf, kinematic_front = front_slip(v_x, v_y, omega_r, p.front_coupling)
@@ -150,8 +151,8 @@ def motion_with_effects(r: Any, v: Any, beta: Any, omega_r: Any, psi: Any, inter
     front_sliding = norm2(p.front_coupling * (omega_r - v_x), v_y)
     rear_sliding = norm2(omega_r - u_x, rear_v_y)
 
-    mu_front = p.friction * (1.0 + q.front_rear_friction_split)
-    mu_rear = p.friction * (1.0 - q.front_rear_friction_split)
+    mu_front = changed.front_friction(nominal.friction, q)
+    mu_rear = changed.rear_friction(nominal.friction, q)
     mu_front = tyre_friction(mu_front, front_sliding, internal.front_heat, internal.a_y, p, q)
     mu_rear = tyre_friction(mu_rear, rear_sliding, internal.rear_heat, internal.a_y, p, q)
     f_xf, f_yf = tyre_force(along * sigma_xf, sigma_front, p.front_stiffness, mu_front * f_zf, p.tyre)

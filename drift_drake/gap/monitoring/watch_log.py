@@ -19,11 +19,7 @@ from drift_drake.gap.monitoring.evidence import FALSE_ALARMS, HAZARD, NONE_OF_TH
 from drift_drake.gap.monitoring.follow import Tail, as_rows, growing_rows, head_of, on_the_clock
 from drift_drake.gap.monitoring.watch import Row, monitor_of, rows_of, watched
 
-SAID = (
-    "friction_level", "steering_ratio_error", "torque_gain_error", "steering_lag", "torque_lag", "steering_offset",
-    "gyro_bias", "sideslip_bias",
-)  # fmt: skip
-"""Effects whose limits are put into words: a loss of friction, gains, lags, biases."""
+SAID = tuple(name for name, effect in CATALOGUE.items() if effect.watched)  # whose limits are put into words
 Event = dict[str, Any]
 MOST_ALARMS = 60.0  # [1/h] that can be asked for
 OF_A_CHANGE = ("change", "cause", "over")

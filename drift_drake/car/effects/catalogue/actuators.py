@@ -9,7 +9,7 @@ TORQUE: tuple[Command, ...] = ("tau_cmd",)
 ACTUATORS: dict[str, Effect] = {
     "steering_lag": Effect(
         "s", 0.03, 0.2, "first-order lag from command to road wheel", stage="actuator", spread=True, remembers=STEERING,
-        shown_by=SWEEPS, fitted=("further", "drives", "double_track"), drawn=uniform(0.03, 0.07)),
+        shown_by=SWEEPS, fitted=("further", "drives", "double_track"), drawn=uniform(0.03, 0.07), watched=True),
     "steering_delay": Effect(
         "s", 0.02, 0.15, "transport delay of the steering command", stage="command", spread=True, delays="delta_cmd",
         shown_by=SWEEPS, fitted=("alone",), asked=True,
@@ -19,13 +19,14 @@ ACTUATORS: dict[str, Effect] = {
         length=-0.5, shown_by=SWEEPS, limit=True, possible=(0.01, 100.0), fitted=("alone",)),
     "steering_offset": Effect(
         "rad", -0.035, 0.035, "added to the road-wheel angle", stage="actuator", tolerance="steering_offset",
-        shown_by=CIRCLES, drawn_out_of_distribution=uniform(-0.015, 0.015)),
+        shown_by=CIRCLES, drawn_out_of_distribution=uniform(-0.015, 0.015), watched=True),
     "torque_lag": Effect(
         "s", 0.05, 0.4, "first-order lag of engine torque", stage="actuator", needs=TORQUE, spread=True,
-        remembers=TORQUE, shown_by=THROTTLE, fitted=("further", "drives", "double_track"), drawn=uniform(0.05, 0.15)),
+        remembers=TORQUE, shown_by=THROTTLE, fitted=("further", "drives", "double_track"), drawn=uniform(0.05, 0.15),
+        watched=True),
     "torque_gain_error": Effect(
         "-", -0.3, 0.2, "torque at the axle times (1 + q)", needs=TORQUE, tolerance="torque", shown_by=THROTTLE,
-        factor=True, drawn=normal(0.07, 0.14), asked=True, by_torque=True,
+        factor=True, drawn=normal(0.07, 0.14), asked=True, watched=True, by_torque=True,
         distinguished_from={"mass_error": SPINNING}),  # where the body weighs nothing
     "drivetrain_inertia_error": Effect(
         "-", -0.4, 0.8, "rear axle inertia times (1 + q)", needs=TORQUE, tolerance="rear_axle_inertia", daily=0.2,
@@ -38,7 +39,7 @@ ACTUATORS: dict[str, Effect] = {
         distinguished_from={"rolling_resistance": SPINNING, "aero_drag": COASTING}),
     "steering_ratio_error": Effect(
         "-", -0.3, 0.3, "commanded road-wheel angle times (1 + q)", stage="actuator", daily=0.2, shown_by=CIRCLES,
-        factor=True, since=2),
+        factor=True, watched=True, since=2),
     "command_clock_error": Effect(
         "s", -0.1, 0.1, "commands act earlier by q than the log says", stage="command", hastens=(*STEERING, *TORQUE),
         below_zero="sensor_latency", daily=0.5, remembers=(*STEERING, *TORQUE), shown_by=SWEEPS, since=4),

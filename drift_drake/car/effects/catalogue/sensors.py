@@ -6,11 +6,12 @@ from drift_drake.car.effects.record import Effect
 SENSORS: dict[str, Effect] = {
     "gyro_bias": Effect(
         "rad/s", -0.04, 0.04, "added to the measured yaw rate", stage="sensor", needs=("psi",), length=-0.5,
-        varies=True, shown_by=STANDING, fitted=("alone",),
+        varies=True, shown_by=STANDING, fitted=("alone",), watched=True,
         reading=lambda r, beta, omega_r, magnitude: (magnitude, 0.0, 0.0)),
     "sideslip_bias": Effect(
         "rad", -0.04, 0.04, "added to the measured sideslip", stage="sensor", needs=("beta",), varies=True,
-        shown_by=CIRCLES, fitted=("alone",), reading=lambda r, beta, omega_r, magnitude: (0.0, magnitude, 0.0)),
+        shown_by=CIRCLES, fitted=("alone",), watched=True,
+        reading=lambda r, beta, omega_r, magnitude: (0.0, magnitude, 0.0)),
     "wheel_radius_error": Effect(
         "-", -0.05, 0.05, "measured rim speed times (1 + q)", stage="sensor", needs=("omega_r",), varies=True,
         shown_by=THROTTLE, factor=True, scales="omega_r"),

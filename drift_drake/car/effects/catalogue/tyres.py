@@ -7,7 +7,7 @@ TYRES: dict[str, Effect] = {
     "friction_level": Effect(
         "-", -0.35, 0.2, "friction of both axles times (1 + q)", tolerance="friction", daily=2.0, varies=True,
         of_tyres_or_body=True, shown_by=CIRCLES, factor=True, saturates=True, drawn=normal(0.08, 0.16, mean=-0.04),
-        asked=True, any_of_them=True,
+        asked=True, watched=True, any_of_them=True,
         changes=tuple(map(ParameterChange, ("friction", "front_friction", "rear_friction")))),
     "front_rear_friction_split": Effect(
         "-", -0.2, 0.2, "friction times (1 + q) in front, (1 - q) at the rear", of_tyres_or_body=True, shown_by=CIRCLES,

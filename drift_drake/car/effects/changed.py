@@ -1,0 +1,34 @@
+"""What the effects make of a car's parameters, each a function of the value and all magnitudes (`Effect.changes`)."""
+
+from collections.abc import Callable
+from typing import Any
+
+from drift_drake.car.effects.catalogue import CATALOGUE
+from drift_drake.car.scalar import jitable
+
+Function = Callable[[Any, Any], Any]
+
+
+def _changed(meaning: str) -> Function:
+    """One change after the other, in the catalogue's order."""
+    total = jitable(lambda value, _: value)
+    for place, effect in enumerate(CATALOGUE.values()):
+        for change in effect.changes:
+            if change.meaning == meaning:
+                total = jitable((_times if change.relative else _plus)(total, place, change.sign))
+    return total
+
+
+def _times(before: Function, place: int, sign: float) -> Function:
+    return lambda value, q: before(value, q) * (1.0 + sign * q[place])
+
+
+def _plus(before: Function, place: int, sign: float) -> Function:
+    return lambda value, q: before(value, q) + sign * q[place]
+
+
+mass, yaw_inertia, rear_axle_inertia = map(_changed, ("mass", "yaw_inertia", "rear_axle_inertia"))
+front_axle_distance, rear_axle_distance = map(_changed, ("front_axle_distance", "rear_axle_distance"))
+friction, front_friction, rear_friction = map(_changed, ("friction", "front_friction", "rear_friction"))
+front_stiffness, rear_stiffness = map(_changed, ("front_stiffness", "rear_stiffness"))
+longitudinal_stiffness = _changed("longitudinal_stiffness")

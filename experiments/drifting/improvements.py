@@ -143,7 +143,7 @@ def checkpoints(config: ImprovementsConfig, folder: Path) -> dict[str, Path | No
 
 def rung_config(config: ImprovementsConfig, rung: Rung, checkpoint: Path | None, folder: Path) -> ModelsConfig:
     """What `figure_8` would be asked for, with its runs in a folder of the rung's own."""
-    control, gate = paper_control(ControlConfig(), DEFAULT_THRESHOLD, rung.keep, rung.path_step)
+    control, gate = paper_control(ControlConfig(), DEFAULT_THRESHOLD, rung.keep)
     return ModelsConfig(
         checkpoint=checkpoint, control=control, gate=gate, gathering=rung.gathering, path_step=rung.path_step,
         models=rung.models, vehicles=config.vehicles, first=config.first, population=config.population,

@@ -39,7 +39,6 @@ from drift_drake.drive.learnt.lag_bank import BANK
 from drift_drake.drive.learnt.posterior import Posterior
 from drift_drake.drive.learnt.quality import step_model
 from drift_drake.drive.loop.closed_loop import ClosedLoop, ControlConfig
-from drift_drake.drive.mpc.ocp import OcpWeights
 from drift_drake.drive.reference.trajectory import Reference, figure_8, loops
 from drift_drake.gap.choose.choice import (
     SURPRISED,
@@ -74,23 +73,12 @@ OFF: dict[Extra, dict[str, Any]] = {
 }  # fmt: skip
 """How the paper's controller is set up where the recipe does not keep what it has not; the gate is the adapter's."""
 EXTRAS = tuple(OFF)
-PAPER_WEIGHTS = OcpWeights(e=1.0)
-"""Of the paper's recipe; the paper states none. With Euler's path, predictions of e are off, and a controller that
-weighs e as the shipped one does loses the car. Chosen by the runs that Twice-Info completes on six validation vehicles
-(seed 71129): 3 with an e of 4, 5 with 1 and with 0.5, which has larger errors."""
 COLUMNS = ("t", "s", "x", "y", "psi", "r", "v", "beta", "omega_r", "e", "dphi", "delta", "tau")  # kept of a run
 
 
-def paper_control(
-    control: ControlConfig, gate: float, keep: Sequence[Extra], path_step: PathStep = "euler"
-) -> tuple[ControlConfig, float]:
-    """The controller and the adapter's gate of the paper's recipe, with what is kept of what the paper has not.
-
-    With Euler's path its weights are those of the recipe, if no others are given.
-    """
+def paper_control(control: ControlConfig, gate: float, keep: Sequence[Extra]) -> tuple[ControlConfig, float]:
+    """The controller and the adapter's gate of the paper's recipe, with what is kept of what the paper has not."""
     off = {name: value for extra, change in OFF.items() if extra not in keep for name, value in change.items()}
-    if path_step == "euler" and control.weights == OcpWeights():
-        off["weights"] = PAPER_WEIGHTS
     return dataclasses.replace(control, **off), gate if "gate" in keep else math.inf
 
 

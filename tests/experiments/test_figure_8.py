@@ -21,7 +21,6 @@ from drift_drake.drive.learnt.checkpoint import load_varied, paper_checkpoint
 from drift_drake.drive.loop.closed_loop import ControlConfig
 from drift_drake.drive.loop.endings import RunLimits
 from drift_drake.drive.mpc.controller import MpcController
-from drift_drake.drive.mpc.ocp import OcpWeights
 from drift_drake.drive.reference.trajectory import figure_8
 from drift_drake.gap.choose import choice
 from drift_drake.gap.choose.choice import Findings, usual_surprise
@@ -214,7 +213,7 @@ def test_as_in_the_paper_is_the_papers_model_and_gathering() -> None:
 
 
 def test_as_in_the_paper_is_without_what_the_paper_has_not() -> None:
-    found, control = ModelsConfig(as_in_paper=True).resolved(), ControlConfig(weights=drift_runs.PAPER_WEIGHTS)
+    found, control = ModelsConfig(as_in_paper=True).resolved(), ControlConfig()
     off = {
         "screening": False,
         "fresh_guesses": False,
@@ -229,8 +228,6 @@ def test_as_in_the_paper_is_without_what_the_paper_has_not() -> None:
     assert (kept.control, kept.gate, kept.gathering.qp) == (control, ModelsConfig.gate, "stagewise")
     one = ModelsConfig(as_in_paper=True, keep=("delay",)).resolved()
     assert one.control == dataclasses.replace(found.control, delay=control.delay)
-    own = ControlConfig(weights=OcpWeights(e=2.0))
-    assert ModelsConfig(as_in_paper=True, control=own).resolved().control.weights == own.weights
     with pytest.raises(InvalidOptionError, match="--keep delay: give --as-in-paper too"):
         ModelsConfig(keep=("delay",)).resolved()
 

@@ -41,10 +41,7 @@ def test_the_ladder_begins_as_in_the_paper_and_ends_as_shipped() -> None:
     first, last = ModelsConfig(as_in_paper=True).resolved(), ModelsConfig()
     assert (rungs[0].gathering, rungs[0].path_step) == (first.gathering, first.path_step)
     assert paper_control(ControlConfig(), DEFAULT_THRESHOLD, rungs[0].keep) == (first.control, first.gate)
-    assert paper_control(ControlConfig(), DEFAULT_THRESHOLD, rungs[-1].keep, rungs[-1].path_step) == (
-        last.control,
-        last.gate,
-    )
+    assert paper_control(ControlConfig(), DEFAULT_THRESHOLD, rungs[-1].keep) == (last.control, last.gate)
     assert (rungs[-1].gathering, rungs[-1].path_step) == (last.gathering, last.path_step)
     assert (rungs[0].learnt, rungs[-1].learnt) == ("paper", "shipped")
 

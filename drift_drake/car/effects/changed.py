@@ -1,9 +1,12 @@
-"""What the effects make of a car's parameters, each a function of the value and all magnitudes (`Effect.changes`)."""
+"""What our effects make of a car's parameters, each a function of the value and all magnitudes (`Effect.changes`).
+
+Effects of other packages change parameters of a simulator alone; on our cars they act by their functions.
+"""
 
 from collections.abc import Callable
 from typing import Any
 
-from drift_drake.car.effects.catalogue import CATALOGUE
+from drift_drake.car.effects.catalogue import OWN
 from drift_drake.car.scalar import jitable
 
 Function = Callable[[Any, Any], Any]
@@ -12,7 +15,7 @@ Function = Callable[[Any, Any], Any]
 def _changed(meaning: str) -> Function:
     """One change after the other, in the catalogue's order."""
     total = jitable(lambda value, _: value)
-    for place, effect in enumerate(CATALOGUE.values()):
+    for place, effect in enumerate(OWN.values()):  # the catalogue begins with them
         for change in effect.changes:
             if change.meaning == meaning:
                 total = jitable((_times if change.relative else _plus)(total, place, change.sign))

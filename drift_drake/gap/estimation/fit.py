@@ -156,7 +156,7 @@ def run_sensitivity(
     ]
     columns = [*shared, *starts, *range(problem.nuisances, len(theta))]
     run, effects, high = problem.runs[index], car(problem, theta, names)[1], parameter_limits(problem, names)[1]
-    substeps = 1 if run.period <= MOST_COARSE and effects.tyre_relaxation == 0.0 else SUBSTEPS
+    substeps = 1 if round(run.period, 6) <= MOST_COARSE and effects.tyre_relaxation == 0.0 else SUBSTEPS
     commands = run_commands(problem, index, theta, effects)
     base = observe(problem, gains, theta, names, index, substeps=substeps, commands=commands)
     moved = np.empty((np.sum(run.counted), np.sum(run.used), len(columns)))

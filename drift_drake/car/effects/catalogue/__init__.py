@@ -1,7 +1,8 @@
 """The catalogue of effects: a record each, the package's own, a file a family, and those that other packages install.
 
-Errors of the sensors and further forces have their physics here, as those of another package have; delays and factors
-on a reading are said by the record alone. What changes tyres, loads and actuators is in the cars' equations.
+Errors of the sensors and further forces have their physics here, as those of another package have; delays, factors on
+a reading and changed parameters are said by the record alone. What else tyres, loads and actuators do is in the cars'
+equations.
 """
 
 from collections.abc import Iterable

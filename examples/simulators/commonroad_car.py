@@ -24,6 +24,7 @@ Numbers = NDArray[np.float64]
 STEP = 0.001  # [s], of Heun's method: wheels settle in some milliseconds
 RACK = 0.01  # [s] in which the front wheels take on the commanded angle
 R, V_X, V_Y, PSI, STEERING, REAR = 5, 3, 10, 4, 2, (25, 26)  # places in the state
+WHEELS = (23, 24, *REAR)
 COMPILED = {
     steering_constraints: ("steering_constraints",), acceleration_constraints: ("acceleration_constraints",),
     tire_model: ("sign", "formula_longitudinal", "formula_lateral", "formula_longitudinal_comb",
@@ -61,6 +62,8 @@ def stepping() -> Any:
             ahead = x + h * k
             rate = (later - ahead[STEERING]) / RACK
             x += 0.5 * h * (k + np.array(rates(ahead, [rate, drive[0] + then * (drive[1] - drive[0])], p)))
+            for wheel in WHEELS:
+                x[wheel] = max(x[wheel], 0.0)  # one that has lifted and stopped would never turn again below 0
 
     return step
 

@@ -27,6 +27,7 @@ STEP = 0.001  # [s], of Heun's method: wheels settle in some milliseconds
 RACK = 0.01  # [s] in which the front wheels take on the commanded angle
 STEERING_SPEED = 3.0  # [rad/s]; the published 0.4 is a driver's, too slow for any drift
 STEERING, V_X, PSI, R, V_Y, REAR_LEFT, REAR_RIGHT = 2, 3, 4, 5, 10, 25, 26  # places in the state
+WHEELS = (23, 24, REAR_LEFT, REAR_RIGHT)
 STATES = tuple(f"multi_body_{i}" for i in range(29))
 HEIGHT = 0.52  # [m] of the sprung mass
 LOCK, LOCK_LIMIT = 300.0, 1500.0  # [N m s/rad], [N m] that the differential moves from the faster rear wheel
@@ -118,6 +119,8 @@ def _stepping() -> Any:
         for _ in range(count):
             k = of(x.copy(), delta, drive, wrench, p)
             x += 0.5 * h * (k + of(x + h * k, delta, drive, wrench, p))
+            for i in WHEELS:
+                x[i] = max(x[i], 0.0)  # the package stops a wheel that turns backwards, for good if it is left below 0
 
     return steps
 

@@ -85,6 +85,18 @@ def test_the_multi_body_car_is_its_packages() -> None:
     np.testing.assert_allclose(found, expected, rtol=1e-12, atol=1e-12)
 
 
+def test_a_wheel_that_stood_turns_again() -> None:
+    car = made("multi_body", 1)
+    from experiments.other_worlds import multi_body as mb
+
+    ahead = np.array([0.0, 20.0])
+    own = car.start((0.0, 11.0, 0.0, 11.0), POSE, ahead)
+    own[list(mb.WHEELS)] = -1e-9  # as a step leaves a wheel that has lifted and stops
+    for _ in range(300):
+        own = car.step(own, ahead, np.zeros(3), 0.002)
+    np.testing.assert_allclose(car._p.R_w * own[list(mb.WHEELS)], own[mb.V_X], rtol=0.05)
+
+
 @pytest.mark.parametrize("world", WORLDS)
 def test_the_nominal_car_drives_it_for_a_while(world: str) -> None:
     made(world)

@@ -30,6 +30,8 @@ from drift_drake.gap.monitoring.windowed.sums import (
     features,
     no_windows,
     sums_of,
+    weighted,
+    weights_left_out,
 )
 from drift_drake.gap.monitoring.windowed.temperature import LEAST, temperature_of
 
@@ -55,7 +57,7 @@ class WindowBaseline:
             "period": self.period, "columns": list(self.columns), "cap": self.cap,
             "temperature": self.temperature,
             "points": np.round(self.familiar.points, 4).tolist(), "size": self.familiar.size.tolist(),
-            "limit": self.familiar.limit,
+            "limit": self.familiar.limit, "errors": np.round(self.familiar.errors, 4).tolist(),
         }  # fmt: skip
 
 
@@ -64,16 +66,22 @@ def window_baseline_of(data: Mapping[str, Any]) -> WindowBaseline:
     columns = tuple(str(name) for name in data["columns"])
     if not set(columns) <= set(COLUMNS) or not {"r", "v", "beta"} <= set(columns):
         raise ValueError(f"columns must be of {', '.join(COLUMNS)}, with r, v and beta")
-    points, size = np.array(data["points"], dtype=float), np.array(data["size"], dtype=float)
+    points, size, errors = (np.array(data[key], dtype=float) for key in ("points", "size", "errors"))
     if points.ndim != 2 or points.shape[1] != len(FEATURES) or size.shape != (len(FEATURES),) or not len(points):
         raise ValueError(f"points must hold {len(FEATURES)} numbers each")
     if not (np.all(np.abs(points) < LARGEST) and np.all(size > 0.0) and np.all(size < LARGEST)):
         raise ValueError("points and size must be finite numbers")
+    if errors.shape != (len(points),) or not (np.all(errors >= 0.0) and np.all(errors < LARGEST)):
+        raise ValueError("errors must be a number of each of the points, at least 0")
     cap, temperature, limit = (
         number(data[key], lambda q: 0.0 < q < LARGEST) for key in ("cap", "temperature", "limit")
     )
     return WindowBaseline(
-        number(data["period"], lambda q: 0.0 < q < 1.0), columns, cap, temperature, KnownDriving(points, size, limit)
+        number(data["period"], lambda q: 0.0 < q < 1.0),
+        columns,
+        cap,
+        temperature,
+        KnownDriving(points, size, limit, errors),
     )
 
 
@@ -86,19 +94,30 @@ def learn_window_baseline(runs: Sequence[Run], vehicle: CarParameters, own: Effe
     if any(run.tau_cmd is None or run.beta is None for run in runs):
         raise InvalidLogError("a monitor by windows needs the columns tau_cmd and beta")
     columns = tuple(name for name in COLUMNS if all(run.column(name) is not None for run in runs))
-    anywhere = KnownDriving(np.zeros((1, len(FEATURES))), np.ones(len(FEATURES)), np.inf)
+    anywhere = KnownDriving(np.zeros((1, len(FEATURES))), np.ones(len(FEATURES)), np.inf, np.ones(1))
     everywhere = WindowBaseline(runs[0].period, columns, np.inf, LEAST, anywhere)
     monitor = window_monitor(everywhere, normal, vehicle, own)
-    windows = [windows_of(monitor, run) for run in runs]
-    driving = [np.array([features(window) for window in some]) for some in windows if some]
-    if not driving:
+    windows = [some for some in (windows_of(monitor, run) for run in runs) if some]
+    if not windows:
         raise InvalidLogError("no window of predictions can be judged")
-    first = max(MOST // len(driving), 1)
+    driving = [np.array([features(window) for window in some]) for some in windows]
+    first = max(MOST // len(windows), 1)
     sums = [sums_of_all(monitor, some[:first]) for some in windows]
+    errors = relative_errors([distances_of(monitor, some) for some in sums], [len(some) for some in windows])
+    familiar = familiar_of(driving, errors)
+    weights = weights_left_out(familiar, [part[:first] for part in driving], [part[:first] for part in errors])
+    sums = [[weighted(one, w) for one, w in zip(some, by, strict=True)] for some, by in zip(sums, weights, strict=True)]
     cap = float(np.quantile(np.concatenate([distances_of(monitor, some) for some in sums]), TYPICAL))
     null = monitor.null._replace(cap=cap)
     return dataclasses.replace(everywhere, cap=cap, temperature=temperature_of(monitor.problem, null, sums),
-                               familiar=familiar_of(driving))  # fmt: skip
+                               familiar=familiar)  # fmt: skip
+
+
+def relative_errors(distances: Sequence[np.ndarray], counts: Sequence[int]) -> list[np.ndarray]:
+    """Squared distances of each recording's first windows over their median, and 1 for the others: `counts` of each."""
+    median = max(float(np.median(np.concatenate(distances))), 1e-9)
+    return [np.concatenate([some / median, np.ones(n - len(some))])
+            for some, n in zip(distances, counts, strict=True)]  # fmt: skip
 
 
 def windows_of(monitor: WindowMonitor, run: Run) -> list[WindowedRun]:

@@ -30,6 +30,8 @@ from drift_drake.gap.monitoring.windowed.sums import (
     no_windows,
     sums_of,
     unlike,
+    weight_of,
+    weighted,
 )
 
 BEHIND = 1.0  # [s] before a window's start that actuators and internal states settle in
@@ -176,13 +178,14 @@ class WindowMonitor:
         """A window is complete: it joins the history, which is judged anew, if such driving is known."""
         e = run_errors(window, self.projection.constants, self.projection.own)
         signals = np.stack([window.y[-1], window.y[-1] - e[0, -1]])[:, : len(SIGNALS)]
-        why = unlike(self.familiar, features(window))
+        driving = features(window)
+        why = unlike(self.familiar, driving)
         judged, not_judged, row, _ = state.seen.time
         if why is not None:
             time = np.array([judged, not_judged + self.block, row + self.block, float(why)])
             return state._replace(seen=SoFar(time, state.seen.shown, signals))
         edge = state.clock[1]
-        one = sums_of(self.projection, window, e)
+        one = weighted(sums_of(self.projection, window, e), weight_of(self.familiar, driving))
         one = capped(self.null, older_than(state.history, edge), one)
         history = with_block(state.history, one, FORGETTING, edge)
         verdict = verdict_of(self.problem, self.null, history)

@@ -1,7 +1,7 @@
 """What one window of predictions says of each effect: its scores, their information, and what each node does to them.
 
-The same as `gap.estimation.scores` of a whole day, for the newest window alone. A window that is driven unlike all
-of the calibration's is not judged.
+The same as `gap.estimation.scores` of a whole day, for the newest window alone. A window counts as its driving was
+predicted in the calibration, less outside of what it had, and not at all far outside.
 """
 
 from collections.abc import Sequence
@@ -25,6 +25,10 @@ SLIGHT_SLIP = 0.03  # [-] of slip along the wheels, below which more of it is no
 MOST = 400  # points, evenly chosen
 KNOWN = 0.97  # quantile of the distance of a calibration's own windows from its other recordings'
 APART = 15  # windows of the only recording that are not near each other, either side
+NEAREST = 12  # points that say how well such driving is predicted
+FAR = 6.0
+"""Times the distance that is usual of a calibration, beyond which a window is not judged; set on the coupe and the
+roadster of this repository."""
 
 
 class WindowSums(NamedTuple):
@@ -84,6 +88,11 @@ def sums_of(projection: Projection, window: WindowedRun, e: np.ndarray) -> Windo
                       half.T @ precision @ half, projected @ np.stack(there, axis=-1))  # fmt: skip
 
 
+def weighted(sums: WindowSums, weight: float) -> WindowSums:
+    """A window that counts less."""
+    return WindowSums(sums.windows, sums.slipping, *(weight * part for part in sums[2:]))
+
+
 def features(window: WindowedRun) -> np.ndarray:
     """How a window is driven [FEATURES]; what is hard in one way may be known from elsewhere, not together."""
     found = regimes(window)[0]
@@ -93,15 +102,20 @@ def features(window: WindowedRun) -> np.ndarray:
 
 
 class KnownDriving(NamedTuple):
-    """The driving of a calibration's windows, in standard deviations of it."""
+    """The driving of a calibration's windows, and how well it was predicted."""
 
     points: np.ndarray  # [k, FEATURES]
-    size: np.ndarray  # [FEATURES]
-    limit: float  # distance beyond which a window is unlike all of them
+    size: np.ndarray  # [FEATURES] standard deviations
+    limit: float  # distance of a window from the other recordings' that is usual of the calibration
+    errors: np.ndarray  # [k] squared distance of each point's window from normal, over the median
+
+    def distances(self, driving: np.ndarray) -> np.ndarray:
+        """Of driving [FEATURES] from each point [k], over the one that is usual."""
+        return np.asarray(np.linalg.norm((self.points - driving) / self.size, axis=1) / self.limit)
 
 
-def familiar_of(driving: Sequence[np.ndarray]) -> KnownDriving:
-    """The driving of recordings, each [windows, FEATURES]."""
+def familiar_of(driving: Sequence[np.ndarray], errors: Sequence[np.ndarray]) -> KnownDriving:
+    """The driving of recordings, each [windows, FEATURES], and `KnownDriving.errors` of each [windows]."""
     whole = np.concatenate(driving)
     size = np.maximum(whole.std(axis=0), 1e-9 + 1e-3 * np.abs(whole).max(axis=0))
     at = np.repeat(np.arange(len(driving)), [len(part) for part in driving])
@@ -111,16 +125,45 @@ def familiar_of(driving: Sequence[np.ndarray]) -> KnownDriving:
         other = at != at[i] if len(driving) > 1 else np.abs(order - i) > APART
         if np.any(other):
             found.append(np.min(np.linalg.norm((whole[other] - whole[i]) / size, axis=1)))
-    limit = float(np.quantile(found, KNOWN)) if found else 1.0
-    return KnownDriving(whole[:: max(int(np.ceil(len(whole) / MOST)), 1)], size, max(limit, 1e-3))
+    limit = max(float(np.quantile(found, KNOWN)) if found else 1.0, 1e-3)
+    every = max(int(np.ceil(len(whole) / MOST)), 1)
+    return KnownDriving(whole[::every], size, limit, np.concatenate(errors)[::every])
+
+
+def weight_of(familiar: KnownDriving, driving: np.ndarray) -> float:
+    """How much a window counts that is driven so [FEATURES]: one over what its squared errors are taken to grow by.
+
+    They are those of the windows that are driven most like it, and larger outside of known driving: errors are taken to
+    grow in proportion to the distance from it.
+    """
+    distances = familiar.distances(driving)
+    usual = float(np.mean(familiar.errors[np.argsort(distances)[:NEAREST]]))
+    return 1.0 / (max(usual, 1.0) * max(float(distances.min()), 1.0) ** 2)
+
+
+def weights_left_out(
+    familiar: KnownDriving, driving: Sequence[np.ndarray], errors: Sequence[np.ndarray]
+) -> list[np.ndarray]:
+    """Of each recording's windows [windows], as if it had not been among those that are known."""
+    out = []
+    for i, part in enumerate(driving):
+        others = [j for j in range(len(driving)) if j != i] or [i]
+        known = familiar._replace(
+            points=np.concatenate([driving[j] for j in others]), errors=np.concatenate([errors[j] for j in others])
+        )
+        out.append(np.array([weight_of(known, one) for one in part]))
+    return out
 
 
 def unlike(familiar: KnownDriving, driving: np.ndarray) -> int | None:
-    """Index of the feature by which a window's driving [FEATURES] is off the nearest point; None where it is known."""
-    off = (familiar.points - driving) / familiar.size
-    distances = np.linalg.norm(off, axis=1)
+    """Index of the feature by which a window's driving [FEATURES] is far off all that is known; None where it is not.
+
+    A sensor's fault moves the features as well, less far.
+    """
+    distances = familiar.distances(driving)
     nearest = int(np.argmin(distances))
-    return int(np.argmax(np.abs(off[nearest]))) if distances[nearest] > familiar.limit else None
+    off = np.abs((familiar.points[nearest] - driving) / familiar.size)
+    return int(np.argmax(off)) if distances[nearest] > FAR else None
 
 
 def harder(index: int) -> str:

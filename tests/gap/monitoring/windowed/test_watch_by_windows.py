@@ -166,6 +166,7 @@ def test_drakes_system_says_the_same_as_the_batch(files: Path, monitor: WindowMo
         (lambda data: data | {"watching": None}, "has no normal scores"),
         (lambda data: data | {"watching": data["watching"] | {"cap": -1.0}}, "watching:"),
         (lambda data: data | {"watching": data["watching"] | {"points": [[1.0]]}}, "points must hold 6 numbers"),
+        (lambda data: data | {"watching": data["watching"] | {"errors": [1.0]}}, "errors must be a number of each"),
         (lambda data: data | {"watching": {"period": 0.01}}, "not what 'identify' writes"),
         (lambda data: data | {"watching": data["watching"] | {"columns": ["wind"]}}, "columns must be of r, v"),
     ],

@@ -6,6 +6,7 @@ from typing import Annotated
 
 import tyro
 
+from drift_drake.car.car_file import plant_of
 from drift_drake.car.effects.magnitudes import magnitudes_of
 from drift_drake.car.given_vehicle import vehicle_given
 from drift_drake.car.log.table import read_case, run_paths
@@ -32,6 +33,8 @@ class Choose:
     """Where to write the identified car, as a vehicle file that 'drive --model known' takes."""
     json: Path | None = None
     """Where to write the choice, as JSON (-: standard output)."""
+    rehearse: bool = True
+    """Whether the identified car is driven round the figure-8 in simulation (some 10 s): can this car be drifted?"""
     quiet: bool = False
     """No progress bar."""
 
@@ -44,11 +47,18 @@ def run_choose(command: Choose) -> None:
     check_drives(read_case(command.logs), command.logs)
     with ended_at_once():
         from drift_drake.gap.choose.choice import choose
+        from drift_drake.gap.choose.rehearsal import rehearse
 
     with progress_bar(command.quiet) as show:
         choice = choose(command.logs, command.vehicle, progress=show)
-    car = choice.found.car
+    car, rehearsal = choice.found.car, None
     print(choice.sentence(), *choice.remarks, sep="\n", file=said_to(command.json))
+    if car is None:
+        print("not rehearsed: whether this car can be drifted is open", file=said_to(command.json))
+    elif command.rehearse:
+        given = VehicleParameters() if command.vehicle is None else vehicle_given(command.vehicle).parameters
+        rehearsal = rehearse(car, plant_of(given).single_track())
+        print(rehearsal.sentence(), file=said_to(command.json))
     if command.out is not None:
         said = "not written, since no car was identified: give some nine seconds of lively driving"
         if car is not None:
@@ -61,4 +71,5 @@ def run_choose(command: Choose) -> None:
         "remarks": choice.remarks,
         "tracks": car and (1 if isinstance(car.vehicle, VehicleParameters) else 2),
         "vehicle": car and car.vehicle, "effects": car and magnitudes_of(car.effects),
+        "rehearsal": rehearsal and rehearsal._asdict() | {"can": rehearsal.can},
     })  # fmt: skip

@@ -47,6 +47,8 @@ def test_the_logs_of_a_car_say_which_model_may_drive_it(
     assert choice["doubts"] == []
     assert choice["forecast_error"] < 0.05
     assert choice["tracks"] == 1
+    assert choice["rehearsal"]["can"]
+    assert "rehearsed in simulation, the identified car drifts the figure-8" in said
     vehicle, effects = read_vehicle(out)
     assert vehicle.mass == pytest.approx(choice["vehicle"]["mass"])
     assert effects.steering_lag == pytest.approx(choice["effects"].get("steering_lag", 0.0))

@@ -1,0 +1,111 @@
+"""Cars that cannot be drifted, or hardly: what their informative drives and the rehearsal say of it beforehand.
+
+    python -m experiments.drifting.rehearsed --out runs/rehearsed
+
+Every fourth car has little torque, a slow steering (rate limit), little grip, or a late steering. Each drives the lane
+twice, its car is identified and rehearsed (`gap.choose.rehearsal`). The truth is a figure-8 of the real car under a
+controller that knows it. Broken off, the experiment goes on where it was (give --out).
+"""
+
+import dataclasses
+import json
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from tqdm import tqdm
+
+from diagrams.command import run_command
+from drift_drake.car.effects.magnitudes import Effects
+from drift_drake.car.parameters import VehicleParameters
+from drift_drake.common.run_folder import is_done, write_json
+from drift_drake.drive.gathering.config import GatheringConfig
+from drift_drake.drive.gathering.gather import gather, learn_drive
+from drift_drake.drive.gathering.plan import InfeasiblePlanError, plan_again, plan_drive
+from drift_drake.drive.learnt.checkpoint import load_model
+from drift_drake.drive.loop.closed_loop import ControlConfig
+from drift_drake.gap.choose.choice import ask
+from drift_drake.gap.choose.identified import runs_of
+from drift_drake.gap.choose.rehearsal import HELD, rehearse
+from experiments.drifting.runs import DriveJob, draw_effects, drive
+from experiments.gathering.beliefs import SECOND_ROUND
+from experiments.made import RunConfig, begun, tabulated, write_report
+
+WORSE = {"torque_gain_error": (-0.8, -0.55), "steering_rate_limit": (0.15, 0.4), "friction_level": (-0.6, -0.4),
+         "steering_lag": (0.4, 0.8)}  # fmt: skip
+ON_THE_LANE = "time"  # how a lane drive ends that ends as planned
+
+
+@dataclasses.dataclass(frozen=True)
+class RehearsedConfig(RunConfig):
+    """How many cars."""
+
+    vehicles: int = 20
+    vehicle_seed: int = 0
+    gathering: GatheringConfig = dataclasses.field(default_factory=GatheringConfig)
+
+
+def true_effects(config: RehearsedConfig) -> list[tuple[str, Effects]]:
+    """What makes each car a bad one, and all of its effects."""
+    rng, out = np.random.default_rng(config.vehicle_seed), list[tuple[str, Effects]]()
+    for i in range(config.vehicles):
+        name = list(WORSE)[i % len(WORSE)]
+        car = draw_effects("held_out", i, config.vehicle_seed)
+        out.append((name, car._replace(**{name: float(rng.uniform(*WORSE[name]))})))
+    return out
+
+
+def lane_drives(effects: Effects, gathering: GatheringConfig) -> tuple[list[pd.DataFrame], list[str]]:
+    """Logs of one or two informative drives, and how each ended."""
+    learnt = load_model()
+    belief, tables, ends = learnt.prior(), list[pd.DataFrame](), list[str]()
+    plan = first = plan_drive(learnt, belief, gathering, gathering.alpha)
+    for seed in (0, SECOND_ROUND):
+        table, end = gather(plan, effects, VehicleParameters(), gathering, seed)
+        tables.append(table)
+        ends.append(end)
+        belief = learn_drive(learnt, belief, table, gathering)
+        try:
+            plan = plan_again(learnt, belief, first, gathering)
+        except InfeasiblePlanError:
+            break
+    return tables, ends
+
+
+def row(name: str, effects: Effects, gathering: GatheringConfig) -> dict[str, Any]:
+    """What is said of one car, and what is true."""
+    tables, ends = lane_drives(effects, gathering)
+    car = ask(runs_of(tables), VehicleParameters()).found.car
+    said = None if car is None else rehearse(car, VehicleParameters()).can
+    m = drive(DriveJob(name, {}, "figure_8", effects, 0, "oracle", ControlConfig())).metrics
+    true = m["outcome"] == "completed" and m["drifting"] >= HELD
+    return {"what": name, "magnitude": getattr(effects, name), "said": said, "true": true, "drives": ends}
+
+
+def text(rows: list[dict[str, Any]]) -> str:
+    """Counts by what makes the car a bad one."""
+    cells = []
+    for name in WORSE:
+        some = [r for r in rows if r["what"] == name]
+        can, cannot = [r for r in some if r["true"]], [r for r in some if not r["true"]]
+        left = sum(any(end != ON_THE_LANE for end in r["drives"]) for r in some)
+        cells.append((name, f"{sum(r['said'] is False for r in cannot)} of {len(cannot)}",
+                      f"{sum(r['said'] is True for r in can)} of {len(can)}",
+                      sum(r["said"] is None for r in some), f"{left} of {len(some)}"))  # fmt: skip
+    heads = ("", "cannot: said so", "can: said so", "no car identified", "left the lane in a lane drive")
+    return "\n".join(tabulated(heads, cells))
+
+
+def main(config: RehearsedConfig) -> None:
+    """All cars."""
+    folder, rows = begun("rehearsed", config), list[dict[str, Any]]()
+    for i, (name, effects) in enumerate(tqdm(true_effects(config), unit="car")):
+        path = folder / f"{i:03d}.json"
+        if not is_done(path):
+            write_json(path, row(name, effects, config.gathering))
+        rows.append(json.loads(path.read_text()))
+    write_report(folder, text(rows), config)
+
+
+if __name__ == "__main__":
+    run_command(main, RehearsedConfig, __doc__)

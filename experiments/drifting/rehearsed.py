@@ -27,7 +27,8 @@ from drift_drake.drive.loop.closed_loop import ControlConfig
 from drift_drake.gap.choose.choice import ask
 from drift_drake.gap.choose.identified import runs_of
 from drift_drake.gap.choose.rehearsal import HELD, rehearse
-from experiments.drifting.runs import DriveJob, draw_effects, drive
+from experiments.benchmarks.vehicles import draw_effects
+from experiments.drifting.runs import DriveJob, drive
 from experiments.gathering.beliefs import SECOND_ROUND
 from experiments.made import RunConfig, begun, tabulated, write_report
 

@@ -28,7 +28,7 @@ def test_what_is_hard_in_two_ways_at_once_counts_less() -> None:
     new = np.concatenate([driving(rng, 10.0, 8.0), driving(rng, 25.0, 1.0)])
     assert np.mean([weight_of(known, one) for one in new]) > 0.95
     both = driving(rng, 25.0, 8.0)
-    assert np.mean([weight_of(known, one) for one in both]) < 0.5
+    assert np.mean([weight_of(known, one) for one in both]) < 0.7
 
 
 def test_what_is_far_off_is_not_judged() -> None:

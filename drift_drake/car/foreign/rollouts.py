@@ -18,6 +18,7 @@ from drift_drake.common.errors import DriftDrakeError, one_line
 
 STARTED = 60.0  # [s] that a simulator's loading and first roll-out may take
 WAITS = 0.1  # share of a roll-out's time that is the processor's, below which the simulator waits for another program
+AGAIN = 2.0  # [s] after which a limit strikes anew, if a simulator, or a library under it, has caught its exception
 HANGS = 2  # roll-outs of one job that may take too long, before the others of it are given up
 
 
@@ -182,13 +183,13 @@ def function_of(target: str, folder: str) -> Callable[..., Any]:
 
 @contextlib.contextmanager
 def at_most(seconds: float) -> Iterator[None]:
-    """Raises TimeoutError in a block that takes longer, where Python comes back to look."""
+    """Raises TimeoutError in a block that takes longer, where Python comes back to look; again where that is caught."""
 
     def end(*_: Any) -> None:
         raise TimeoutError(f"a roll-out took longer than {seconds:g} s (limit:)")
 
     before = signal.signal(signal.SIGALRM, end)
-    signal.setitimer(signal.ITIMER_REAL, seconds)
+    signal.setitimer(signal.ITIMER_REAL, seconds, AGAIN)
     try:
         yield
     finally:

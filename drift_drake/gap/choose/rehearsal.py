@@ -4,6 +4,7 @@ The controller knows that car and its effects, so that the real one will hardly 
 torque or the grip, or whose steering is too slow for the transitions, leaves the lane here.
 """
 
+import math
 from typing import NamedTuple
 
 from drift_drake.car.double_track.parameters import DoubleTrackParameters
@@ -28,7 +29,7 @@ class Rehearsal(NamedTuple):
     outcome: str  # of the run, or that no such drift exists
     completion: float = 0.0  # [-] of the path
     held: float = 0.0  # [-] of the distance in steady drifts, driven in one
-    rms_e: float = float("nan")  # [m]
+    rms_e: float = math.nan  # [m]; NaN without a run
 
     @property
     def can(self) -> bool:
@@ -39,10 +40,15 @@ class Rehearsal(NamedTuple):
         """What follows from it."""
         if self.can:
             return f"rehearsed in simulation, the identified car drifts the figure-8 (RMS e {self.rms_e:.2f} m)"
-        how = f"{self.outcome} after {self.completion:.0%} of the figure-8, {self.held:.0%} of its steady drifts held"
+        if math.isnan(self.rms_e):
+            return (
+                f"not rehearsed, since the vehicle file's car has no such figure-8: {self.outcome}; if that file is a "
+                "guess, give the one that --out writes"
+            )
         return (
-            "do not drift this car: rehearsed in simulation, the identified car cannot "
-            f"({self.outcome if self.completion == 0.0 else how}); look at its torque, grip and steering"
+            f"do not drift this car: rehearsed in simulation, the identified car cannot ({self.outcome} after "
+            f"{self.completion:.0%} of the figure-8, {self.held:.0%} of its steady drifts held); look at its torque, "
+            "grip and steering"
         )
 
 

@@ -13,7 +13,8 @@ from drift_drake.gap.choose.rehearsal import Rehearsal, rehearse
 COUPE = VehicleParameters()
 
 
-@pytest.mark.parametrize("car", [COUPE, CARS["coupe"]], ids=["single-track", "double-track"])
+@pytest.mark.parametrize("car", [pytest.param(COUPE, id="single-track"),
+                                 pytest.param(CARS["coupe"], id="double-track", marks=pytest.mark.slow)])  # fmt: skip
 def test_a_car_that_drifts(car: CarParameters) -> None:
     found = rehearse(IdentifiedCar(car, Effects()), COUPE)
     assert found.can

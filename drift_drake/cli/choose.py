@@ -40,8 +40,7 @@ class Choose:
 
 
 def run_choose(command: Choose) -> None:
-    if command.vehicle is not None:
-        vehicle_given(command.vehicle)
+    given = None if command.vehicle is None else vehicle_given(command.vehicle).parameters
     inputs = [path for path in (command.vehicle, *run_paths(command.logs)) if path is not None]
     try_outputs({"--out": command.out, "--json": command.json}, inputs)
     check_drives(read_case(command.logs), command.logs)
@@ -53,12 +52,12 @@ def run_choose(command: Choose) -> None:
         choice = choose(command.logs, command.vehicle, progress=show)
     car, rehearsal = choice.found.car, None
     print(choice.sentence(), *choice.remarks, sep="\n", file=said_to(command.json))
-    if car is None:
-        print("not rehearsed: whether this car can be drifted is open", file=said_to(command.json))
-    elif command.rehearse:
-        given = VehicleParameters() if command.vehicle is None else vehicle_given(command.vehicle).parameters
-        rehearsal = rehearse(car, plant_of(given).single_track())
-        print(rehearsal.sentence(), file=said_to(command.json))
+    if command.rehearse:
+        said = "not rehearsed: whether this car can be drifted is open"
+        if car is not None:
+            rehearsal = rehearse(car, VehicleParameters() if given is None else plant_of(given).single_track())
+            said = rehearsal.sentence()
+        print(said, file=said_to(command.json))
     if command.out is not None:
         said = "not written, since no car was identified: give some nine seconds of lively driving"
         if car is not None:

@@ -13,8 +13,6 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Literal
 
-import pandas as pd
-
 from diagrams.command import run_command
 from drift_drake.car.effects.magnitudes import Effects
 from drift_drake.car.log.table import Run, write_run
@@ -25,11 +23,10 @@ from drift_drake.common.errors import DriftDrakeError
 from drift_drake.common.run_folder import make_run_folder, write_json, write_versions
 from drift_drake.common.safe_files import write_figure
 from drift_drake.common.threads import one_blas_thread
-from drift_drake.drive.gathering.config import GatheringConfig, lane
-from drift_drake.drive.gathering.gather import gather, learn_drive
-from drift_drake.drive.gathering.plan import InfeasiblePlanError, plan_again, plan_drive
+from drift_drake.drive.gathering.config import GatheringConfig
+from drift_drake.drive.gathering.plan import plan_drive
 from drift_drake.drive.learnt.adapter import OFFSET_TIMES
-from drift_drake.drive.learnt.checkpoint import BayesianModel, load_model, load_varied
+from drift_drake.drive.learnt.checkpoint import load_model, load_varied
 from drift_drake.drive.learnt.hybrid_step import load_hybrid
 from drift_drake.drive.loop.closed_loop import ClosedLoopRun, ControlConfig
 from drift_drake.gap.choose.choice import Choice, ask
@@ -40,9 +37,9 @@ from drift_drake.gap.identification.identify import identify
 from drift_drake.view.pictures.overhead import overhead
 from drift_drake.view.pictures.replay import replay
 from experiments.drifting.runs import Believes, DriveJob, Learnt, Maneuver, closed_loop, reference
-from experiments.gathering.beliefs import SECOND_ROUND
+from experiments.gathering.beliefs import informative_drives
 from experiments.made import RunConfig, tabulated, write_report
-from experiments.other_worlds.true_cars import TrueCar, World, true_car, true_plant
+from experiments.other_worlds.true_cars import TrueCar, World, true_car
 
 MANEUVERS: tuple[Maneuver, ...] = ("figure_8", "loops")
 
@@ -61,23 +58,6 @@ class ChainConfig(RunConfig):
     """What drives, where not what the informative drives choose."""
     gathering: GatheringConfig = dataclasses.field(default_factory=GatheringConfig)
     control: ControlConfig = dataclasses.field(default_factory=ControlConfig)
-
-
-def gathered(car: TrueCar, learnt: BayesianModel, config: ChainConfig) -> list[pd.DataFrame]:
-    """Logs of two informative drives on the lane, the second planned with what the first has taught; one where no
-    second plan is feasible."""
-    gathering, belief, tables = config.gathering, learnt.prior(), list[pd.DataFrame]()
-    plan = first = plan_drive(learnt, belief, gathering, gathering.alpha)
-    for seed in (config.seed, SECOND_ROUND + config.seed):
-        plant = true_plant(car, Effects(), lane(gathering).path)
-        table, _ = gather(plan, Effects(), VehicleParameters(), gathering, seed, plant)
-        tables.append(table)
-        belief = learn_drive(learnt, belief, table, gathering)
-        try:
-            plan = plan_again(learnt, belief, first, gathering)
-        except InfeasiblePlanError:
-            break
-    return tables
 
 
 def believed(choice: Choice, config: ChainConfig) -> tuple[str, Believes]:
@@ -124,7 +104,9 @@ def main(config: ChainConfig) -> None:
     write_json(folder / "config.json", config)
     write_versions(folder)
     car = true_car(config.plant, config.vehicle, config.vehicle_seed)
-    drives = runs_of(gathered(car, learnt, config))
+    first = plan_drive(learnt, learnt.prior(), config.gathering, config.gathering.alpha)
+    driven = informative_drives(learnt, first, Effects(), config.gathering, config.seed, car)
+    drives = runs_of([table for table, _ in driven])
     choice = ask(drives, VehicleParameters())
     name, believes = believed(choice, config)
     runs = drifted(car, believes, config)

@@ -12,7 +12,6 @@ import json
 from typing import Any
 
 import numpy as np
-import pandas as pd
 from tqdm import tqdm
 
 from diagrams.command import run_command
@@ -20,16 +19,15 @@ from drift_drake.car.effects.magnitudes import Effects
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.common.run_folder import is_done, write_json
 from drift_drake.drive.gathering.config import GatheringConfig
-from drift_drake.drive.gathering.gather import gather, learn_drive
-from drift_drake.drive.gathering.plan import InfeasiblePlanError, plan_again, plan_drive
-from drift_drake.drive.learnt.checkpoint import load_model
+from drift_drake.drive.gathering.plan import Trajectory, plan_drive
+from drift_drake.drive.learnt.checkpoint import BayesianModel, load_model
 from drift_drake.drive.loop.closed_loop import ControlConfig
 from drift_drake.gap.choose.choice import ask
 from drift_drake.gap.choose.identified import runs_of
 from drift_drake.gap.choose.rehearsal import HELD, rehearse
 from experiments.benchmarks.vehicles import draw_effects
 from experiments.drifting.runs import DriveJob, drive
-from experiments.gathering.beliefs import SECOND_ROUND
+from experiments.gathering.beliefs import informative_drives
 from experiments.made import RunConfig, begun, tabulated, write_report
 
 WORSE = {"torque_gain_error": (-0.8, -0.55), "steering_rate_limit": (0.15, 0.4), "friction_level": (-0.6, -0.4),
@@ -56,31 +54,17 @@ def true_effects(config: RehearsedConfig) -> list[tuple[str, Effects]]:
     return out
 
 
-def lane_drives(effects: Effects, gathering: GatheringConfig) -> tuple[list[pd.DataFrame], list[str]]:
-    """Logs of one or two informative drives, and how each ended."""
-    learnt = load_model()
-    belief, tables, ends = learnt.prior(), list[pd.DataFrame](), list[str]()
-    plan = first = plan_drive(learnt, belief, gathering, gathering.alpha)
-    for seed in (0, SECOND_ROUND):
-        table, end = gather(plan, effects, VehicleParameters(), gathering, seed)
-        tables.append(table)
-        ends.append(end)
-        belief = learn_drive(learnt, belief, table, gathering)
-        try:
-            plan = plan_again(learnt, belief, first, gathering)
-        except InfeasiblePlanError:
-            break
-    return tables, ends
-
-
-def row(name: str, effects: Effects, gathering: GatheringConfig) -> dict[str, Any]:
+def row(
+    name: str, effects: Effects, learnt: BayesianModel, first: Trajectory, gathering: GatheringConfig
+) -> dict[str, Any]:
     """What is said of one car, and what is true."""
-    tables, ends = lane_drives(effects, gathering)
-    car = ask(runs_of(tables), VehicleParameters()).found.car
+    driven = informative_drives(learnt, first, effects, gathering, 0)
+    car = ask(runs_of([table for table, _ in driven]), VehicleParameters()).found.car
     said = None if car is None else rehearse(car, VehicleParameters()).can
     m = drive(DriveJob(name, {}, "figure_8", effects, 0, "oracle", ControlConfig())).metrics
     true = m["outcome"] == "completed" and m["drifting"] >= HELD
-    return {"what": name, "magnitude": getattr(effects, name), "said": said, "true": true, "drives": ends}
+    return {"what": name, "magnitude": getattr(effects, name), "said": said, "true": true,
+            "drives": [end for _, end in driven]}  # fmt: skip
 
 
 def text(rows: list[dict[str, Any]]) -> str:
@@ -99,11 +83,12 @@ def text(rows: list[dict[str, Any]]) -> str:
 
 def main(config: RehearsedConfig) -> None:
     """All cars."""
-    folder, rows = begun("rehearsed", config), list[dict[str, Any]]()
+    folder, rows, learnt = begun("rehearsed", config), list[dict[str, Any]](), load_model()
+    first = plan_drive(learnt, learnt.prior(), config.gathering, config.gathering.alpha)
     for i, (name, effects) in enumerate(tqdm(true_effects(config), unit="car")):
         path = folder / f"{i:03d}.json"
         if not is_done(path):
-            write_json(path, row(name, effects, config.gathering))
+            write_json(path, row(name, effects, learnt, first, config.gathering))
         rows.append(json.loads(path.read_text()))
     write_report(folder, text(rows), config)
 

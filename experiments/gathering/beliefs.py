@@ -117,6 +117,25 @@ def gather_beliefs(job: GatherJob) -> Taught:
     return Taught(beliefs, surprise, asked(), lags)
 
 
+def informative_drives(
+    learnt: BayesianModel, first: Trajectory, effects: Effects, config: GatheringConfig, seed: int,
+    car: TrueCar = "single_track",
+) -> list[tuple[pd.DataFrame, str]]:  # fmt: skip
+    """Logs of two informative drives on the lane and how each ended (`gather`): of the first plan, and of one with what
+    that has taught; one drive where no second plan is feasible."""
+    plan, driven = first, list[tuple[pd.DataFrame, str]]()
+    for drive_seed in (seed, SECOND_ROUND + seed):
+        if driven:
+            once = learn_drive(learnt, learnt.prior(), driven[0][0], config)
+            try:
+                plan = plan_again(learnt, once, first, config)
+            except InfeasiblePlanError:
+                break
+        plant = true_plant(car, effects, lane(config).path)
+        driven.append(gather(plan, effects, VehicleParameters(), config, drive_seed, plant))
+    return driven
+
+
 def gather_all(
     attempts: Sequence[Attempt], effects_of: Callable[[int], Effects], wanted: frozenset[str], learnt: BayesianModel,
     gathering: GatheringConfig, folder: Path, run_on: ExecutorConfig,

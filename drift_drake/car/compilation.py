@@ -12,6 +12,7 @@ from typing import Any, TypeVar
 import numba
 from filelock import FileLock
 from numba.core.compiler_lock import global_compiler_lock
+from numba.extending import register_jitable
 
 from drift_drake.car.effects.installed import fingerprint
 from drift_drake.car.effects.trial import extensions_folder
@@ -90,6 +91,19 @@ def compiled(function: Function) -> Function:
     if not numba.config.DISABLE_JIT:
         _compile_one_process_at_a_time(result, function.__qualname__)
     return result
+
+
+def inlined(function: Function) -> Function:
+    """Marks a long function that one compiled function calls: it is compiled once, as a part of that one."""
+    result: Function = numba.njit(inline="always", error_model="numpy")(function)
+    return result
+
+
+@register_jitable
+def copied(values: Any, out: Any) -> None:
+    """Writes values [n] to out [n]: as `out[:] = values`, whose message for two sizes takes seconds to compile."""
+    for i in range(len(out)):
+        out[i] = values[i]
 
 
 def _compile_one_process_at_a_time(dispatcher: Any, name: str) -> None:

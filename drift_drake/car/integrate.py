@@ -3,6 +3,9 @@
 from collections.abc import Callable
 from typing import Any
 
+import numpy as np
+
+from drift_drake.car.lanes import LANES, load_lanes
 from drift_drake.car.scalar import jitable
 
 
@@ -37,3 +40,44 @@ def runge_kutta(rates: Callable[..., Any], x: Any, begin: Any, middle: Any, end:
 def ramp(u: Any, u_next: Any, share: Any) -> Any:
     """The command at a share of its way from u to u_next [2]."""
     return u[0] + share * (u_next[0] - u[0]), u[1] + share * (u_next[1] - u[1])
+
+
+@jitable
+def _gathered(values: Any, first: Any, out: Any) -> None:
+    """Rows [N, n] from `first` on as lanes [n * LANES]; behind the last row it again."""
+    for lane in range(LANES):
+        row = values[min(first + lane, len(values) - 1)]
+        for i in range(values.shape[1]):
+            out[i * LANES + lane] = row[i]
+
+
+@jitable
+def paths(rates: Callable[..., Any], x: Any, u: Any, u_next: Any, curvature: Any, car: Any, dt: float, every: int,
+          path: Any) -> None:  # fmt: skip
+    """Steps of N cars, `LANES` of them at once, under inputs that go linearly from u to u_next in a time dt [s].
+
+    Args:
+        rates: as of `runge_kutta`, on `lanes`, its car the path's curvature [1/m] and what `car` holds.
+        x: [N, n]; u, u_next: [N, 2]; curvature: [N].
+        car: a pair. every: sub-steps from one state that is written to the next.
+        path: [K, N, n], written: the states after each K-th of dt.
+    """
+    size, substeps = x.shape[1], every * len(path)
+    z, work, inputs = np.empty(size * LANES), np.empty((3, size * LANES)), np.empty((3, 2 * LANES))
+    for first in range(0, len(x), LANES):
+        _gathered(x, first, z)
+        _gathered(u, first, inputs[0])
+        _gathered(u_next, first, inputs[1])
+        for lane in range(LANES):
+            inputs[2, lane] = curvature[min(first + lane, len(x) - 1)]
+        start = load_lanes(inputs[0], 0), load_lanes(inputs[0], 1)
+        end = load_lanes(inputs[1], 0), load_lanes(inputs[1], 1)
+        here = load_lanes(inputs[2], 0), car[0], car[1]
+        for sub in range(substeps):
+            shares = sub / substeps, (sub + 0.5) / substeps, (sub + 1.0) / substeps
+            runge_kutta(rates, z, ramp(start, end, shares[0]), ramp(start, end, shares[1]), ramp(start, end, shares[2]),
+                        dt / substeps, here, work[2], work[:2])  # fmt: skip
+            if (sub + 1) % every == 0:
+                for n in range(first, min(first + LANES, len(x))):
+                    for i in range(size):
+                        path[sub // every, n, i] = z[i * LANES + n - first]

@@ -28,4 +28,4 @@ def known_car_model(
     """
     if isinstance(vehicle, DoubleTrackParameters):
         return DoubleTrackStepModel(vehicle, planned_with(effects))
-    return EffectsStepModel(vehicle.single_track(), planned_with(effects), exact=False, dt=dt)
+    return EffectsStepModel(vehicle.single_track(), planned_with(effects), dt)

@@ -14,9 +14,9 @@ from typing import Any
 import numpy as np
 from llvmlite import ir
 from numba import types
-from numba.core import cgutils
+from numba.core import cgutils, errors
 from numba.core.typing.templates import ConcreteTemplate, infer_global, signature
-from numba.extending import intrinsic, lower_builtin, models, register_model
+from numba.extending import intrinsic, lower_builtin, models, overload, register_model
 
 LANES = 8
 DOUBLES = ir.VectorType(ir.DoubleType(), LANES)
@@ -219,6 +219,14 @@ def select_lanes(_context, a, b, if_less, otherwise):  # type: ignore[no-untyped
     return lanes(a, b, if_less, otherwise), lowered
 
 
+@intrinsic
+def _multiply_add(_context, factor, x, added):  # type: ignore[no-untyped-def]
+    def lowered(_context, builder, _signature, arguments):  # type: ignore[no-untyped-def]
+        return builder.call(_llvm(builder, "fmuladd", 3), [_vector(builder, value) for value in arguments])
+
+    return lanes(factor, x, added), lowered
+
+
 def _place(context: Any, builder: Any, kind: Any, array: Any, index: Any) -> Any:
     """Where the LANES numbers of an index lie in a flat array."""
     data = context.make_array(kind)(context, builder, array).data
@@ -227,9 +235,7 @@ def _place(context: Any, builder: Any, kind: Any, array: Any, index: Any) -> Any
 
 
 @intrinsic
-def load_lanes(_context, array, index):  # type: ignore[no-untyped-def]
-    """The LANES numbers of an index, of a flat array [count * LANES] in one piece."""
-
+def _load_lanes(_context, array, index):  # type: ignore[no-untyped-def]
     def lowered(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
         index = context.cast(builder, arguments[1], signature.args[1], types.intp)
         return builder.load(_place(context, builder, signature.args[0], arguments[0], index), align=8)
@@ -238,9 +244,22 @@ def load_lanes(_context, array, index):  # type: ignore[no-untyped-def]
 
 
 @intrinsic
-def store_lanes(_context, array, index, value):  # type: ignore[no-untyped-def]
-    """Writes what `load_lanes` reads."""
+def _load_lanes_tuple(_context, array, first, count):  # type: ignore[no-untyped-def]
+    if not all(isinstance(number, types.IntegerLiteral) for number in (first, count)):
+        raise errors.RequireLiteralValue("first and count")
+    begin, many = first.literal_value, count.literal_value
+    kind = types.UniTuple(lanes, many)
 
+    def lowered(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
+        places = (_place(context, builder, signature.args[0], arguments[0], ir.Constant(ir.IntType(64), begin + i))
+                  for i in range(many))  # fmt: skip
+        return context.make_tuple(builder, kind, [builder.load(place, align=8) for place in places])
+
+    return kind(array, first, count), lowered
+
+
+@intrinsic
+def _store_lanes(_context, array, index, value):  # type: ignore[no-untyped-def]
     def lowered(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
         index = context.cast(builder, arguments[1], signature.args[1], types.intp)
         value = arguments[2] if signature.args[2] is lanes else context.cast(
@@ -250,3 +269,34 @@ def store_lanes(_context, array, index, value):  # type: ignore[no-untyped-def]
         return context.get_dummy_value()
 
     return types.void(array, index, value), lowered
+
+
+# The four as functions, which plain Python computes on arrays of LANES numbers.
+
+
+def multiply_add(factor: Any, x: Any, added: Any) -> Any:
+    """factor * x + added of LANES numbers x and added, rounded once where the processor can."""
+    return factor * x + added
+
+
+def load_lanes(array: Any, index: Any) -> Any:
+    """The LANES numbers of an index, of a flat array [count * LANES] in one piece."""
+    return array[index * LANES : (index + 1) * LANES].copy()
+
+
+def load_lanes_tuple(array: Any, first: int, count: int) -> tuple[Any, ...]:
+    """Those of `count` indices from `first` on, both constants where compiled."""
+    return tuple(load_lanes(array, first + i) for i in range(count))
+
+
+def store_lanes(array: Any, index: Any, value: Any) -> None:
+    """Writes what `load_lanes` reads."""
+    array[index * LANES : (index + 1) * LANES] = value
+
+
+# fmt: off
+overload(multiply_add)(lambda factor, x, added: lambda factor, x, added: _multiply_add(factor, x, added))  # noqa: ARG005
+overload(load_lanes)(lambda array, index: lambda array, index: _load_lanes(array, index))  # noqa: ARG005
+overload(load_lanes_tuple)(
+    lambda array, first, count: lambda array, first, count: _load_lanes_tuple(array, first, count))  # noqa: ARG005
+overload(store_lanes)(lambda array, index, value: lambda array, index, value: _store_lanes(array, index, value))  # noqa: ARG005

@@ -1,8 +1,8 @@
 """Scalar functions with one meaning on floats, arrays, complex numbers, AutoDiffXd, Expression and in compiled code.
 
 The equations of motion are written once with these functions. Drake evaluates them on its own scalar types, NumPy on
-batches, and numba compiles the same source through the `overload`s below. Complex arguments serve the complex-step
-derivative (Squire and Trapp 1998): comparisons look at real parts only.
+batches, and numba compiles the same source, on floats, through the `overload`s below. Complex arguments serve the
+complex-step derivative (Squire and Trapp 1998): comparisons look at real parts only.
 """
 
 import math
@@ -10,12 +10,11 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from numba import types
 from numba.extending import overload, register_jitable
 from numba.np.unsafe.ndarray import to_fixed_tuple
 from pydrake.symbolic import Expression, if_then_else
 
-from drift_drake.car.lanes import ELEMENTARY, lanes, load_lanes, select_lanes, store_lanes
+from drift_drake.car.lanes import ELEMENTARY, lanes, load_lanes_tuple, select_lanes, store_lanes
 
 STANDSTILL = 0.1  # [m/s] below which a car counts as standing
 
@@ -32,49 +31,23 @@ def _on_objects(x: Any, ufunc: np.ufunc) -> Any:
     return getattr(x, ufunc.__name__)() if isinstance(x, Expression) else ufunc(x)
 
 
-def _elementary(plain: Callable[[float], float], ufunc: np.ufunc, complex_step: Callable[[complex], complex]) -> Any:
-    """NumPy's function on everything: `plain` on a float, `complex_step` on compiled complex numbers.
-
-    The imaginary part of a complex step is so small that its square is nothing relative to the real part: there the
-    function's value and slope at the real part are exact, and several times faster than the complex function.
-    """
-    stepped = jitable(complex_step)
+def _elementary(plain: Callable[[float], float], ufunc: np.ufunc) -> Any:
+    """NumPy's function on everything; `plain` on a float."""
 
     def function(x: Any) -> Any:
         return plain(x) if type(x) is float else _on_objects(x, ufunc)
 
     in_lanes = ELEMENTARY[plain.__name__]
-
-    def choose(x):  # type: ignore[no-untyped-def]
-        if x is lanes:
-            return lambda x: in_lanes(x)
-        return (lambda x: stepped(x)) if isinstance(x, types.Complex) else (lambda x: ufunc(x))
-
-    overload(function)(choose)
+    overload(function)(lambda x: (lambda x: in_lanes(x)) if x is lanes else (lambda x: ufunc(x)))
     return function
 
 
-def _sqrt_step(z: complex) -> complex:
-    root = np.sqrt(z.real)
-    return complex(root, 0.5 * z.imag / root)
-
-
-def _exp_step(z: complex) -> complex:
-    value = np.exp(z.real)
-    return complex(value, value * z.imag)
-
-
-def _tanh_step(z: complex) -> complex:
-    value = np.tanh(z.real)
-    return complex(value, (1.0 - value * value) * z.imag)
-
-
-sin = _elementary(math.sin, np.sin, lambda z: complex(np.sin(z.real), np.cos(z.real) * z.imag))
-cos = _elementary(math.cos, np.cos, lambda z: complex(np.cos(z.real), -np.sin(z.real) * z.imag))
-sqrt = _elementary(math.sqrt, np.sqrt, _sqrt_step)
-exp = _elementary(math.exp, np.exp, _exp_step)
-tanh = _elementary(math.tanh, np.tanh, _tanh_step)
-atan = _elementary(math.atan, np.arctan, lambda z: complex(np.arctan(z.real), z.imag / (1.0 + z.real * z.real)))
+sin = _elementary(math.sin, np.sin)
+cos = _elementary(math.cos, np.cos)
+sqrt = _elementary(math.sqrt, np.sqrt)
+exp = _elementary(math.exp, np.exp)
+tanh = _elementary(math.tanh, np.tanh)
+atan = _elementary(math.atan, np.arctan)
 
 
 def select(a: Any, b: Any, if_less: Any, otherwise: Any) -> Any:
@@ -96,8 +69,6 @@ def _expression(x: Any) -> Expression:
 def _select(a, b, if_less, otherwise):  # type: ignore[no-untyped-def]
     if lanes in (a, b, if_less, otherwise):
         return lambda a, b, if_less, otherwise: select_lanes(a, b, if_less, otherwise)
-    if isinstance(a, types.Complex) or isinstance(b, types.Complex):
-        return lambda a, b, if_less, otherwise: if_less if a.real < b.real else otherwise
     return lambda a, b, if_less, otherwise: if_less if a < b else otherwise
 
 
@@ -111,21 +82,27 @@ def _fixed_tuple(values, count):  # type: ignore[no-untyped-def]  # noqa: ARG001
     return lambda values, count: to_fixed_tuple(values, count)
 
 
-def loaded(values: Any, index: int, like: Any) -> Any:  # noqa: ARG001 (compiled code asks of what type)
-    """The number of an index; in compiled code, where `like` is LANES numbers, those of a flat array of them."""
-    return values[index]
+def loaded_tuple(values: Any, first: int, count: int, like: Any) -> tuple[Any, ...]:
+    """`count` numbers of an array from an index on, both constants where compiled; where `like` is LANES numbers, those
+    of a flat array of them."""
+    if np.ndim(like) == 1 and np.ndim(values) == 1:
+        return load_lanes_tuple(values, first, count)
+    return tuple(values[first : first + count])
 
 
-@overload(loaded, jit_options={"forceinline": True})
-def _loaded(values, index, like):  # type: ignore[no-untyped-def]  # noqa: ARG001 (numba matches signatures)
+@overload(loaded_tuple, jit_options={"forceinline": True})
+def _loaded_tuple(values, first, count, like):  # type: ignore[no-untyped-def]  # noqa: ARG001
     if like is lanes:
-        return lambda values, index, like: load_lanes(values, index)  # noqa: ARG005
-    return lambda values, index, like: values[index]  # noqa: ARG005
+        return lambda values, first, count, like: load_lanes_tuple(values, first, count)  # noqa: ARG005
+    return lambda values, first, count, like: to_fixed_tuple(values[first:], count)  # noqa: ARG005
 
 
 def stored(values: Any, index: int, value: Any) -> None:
-    """Writes what `loaded` reads."""
-    values[index] = value
+    """Writes one of what `loaded_tuple` reads."""
+    if np.ndim(value) == 1 and np.ndim(values) == 1:
+        store_lanes(values, index, value)
+    else:
+        values[index] = value
 
 
 @overload(stored, jit_options={"forceinline": True})

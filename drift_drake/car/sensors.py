@@ -150,7 +150,8 @@ def _sampled(t: float, signals: Array, levels: Array, noise: Array, magnitudes: 
     """(time, noisy and biased signals)."""
     sample, q = np.empty(1 + signals.size), Effects(*fixed_tuple(magnitudes, COUNT))
     sample[0] = t
-    sample[1:] = signals + levels * noise
+    for i in range(signals.size):
+        sample[1 + i] = signals[i] + levels[i] * noise[i]
     beta = sample[_BETA]
     sample[_R], sample[_V], sample[_BETA], sample[_OMEGA_R] = measured(
         sample[_R], sample[_V], beta, sample[_OMEGA_R], q

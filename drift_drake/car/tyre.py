@@ -58,7 +58,7 @@ class Tyre(Protocol):
     """Force over slip of one axle, as a function of the combined slip: the whole of a tyre.
 
     Plain arithmetic and the functions of `drift_drake.car.scalar` (exp, tanh, atan, select, ...), finite for every
-    positive slip, since it is compiled, differentiated by complex steps, and evaluated on Drake's scalars.
+    positive slip, since it is compiled, and evaluated on complex numbers and Drake's scalars.
 
     Slip sigma [-], stiffness at zero slip [N per unit slip] and largest force [N] give F / sigma [N] and its derivative
     by sigma [N]; numbers, not arrays. `InvalidExtensionError` says what is wrong with a tyre when it is loaded.

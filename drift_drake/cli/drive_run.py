@@ -113,7 +113,7 @@ def build(config: ClosedLoopConfig) -> ClosedLoop:
             raise InvalidOptionError(
                 f"--monitor {config.monitor} is for --model nominal, not {config.model}; choose watch or slow"
             )
-        model = EffectsStepModel(parameters, Effects(), exact=False, dt=dt)
+        model = EffectsStepModel(parameters, Effects(), dt)
     return ClosedLoop(parameters, reference, model, effects, control=config.control, adapter=adapter, plant=plant,
                       faults=faults, watch=watch, sensor_errors=errors)  # fmt: skip
 

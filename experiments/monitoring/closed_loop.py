@@ -3,10 +3,12 @@
     python -m experiments.monitoring.closed_loop OUT --seeds 4
     python -m experiments.monitoring.closed_loop OUT --plants double_track --first 100 --seeds 4
     python -m experiments.monitoring.closed_loop OUT --plants double_track --calibrated --modes off slow
+    python -m experiments.monitoring.closed_loop OUT --draw wide --first 100 --seeds 20 --modes off correct_or_slow
 
 Each drive is a figure-8 under MPC that believes the simulator's car; the change comes at a moment that depends on the
 seed. With `--calibrated`, controller and monitor believe a car that was calibrated by prediction on normal drives of
-the plant (OUT/PLANT.yaml and .json), and it is watched by windows. A file a drive; drives that are there are not made
+the plant (OUT/PLANT.yaml and .json), and it is watched by windows. With `--draw` each seed is another vehicle of a
+population, which controller and monitor know until it changes. A file a drive; drives that are there are not made
 again. Prints one table, and writes it to OUT/report.md.
 """
 
@@ -29,6 +31,7 @@ from drift_drake.car.parameters import VehicleParameters
 from drift_drake.car.single_track.effects_step import EffectsStepModel
 from drift_drake.car.step_model import NominalStepModel, StepModel
 from drift_drake.car.vehicle_file import write_vehicle
+from drift_drake.common.errors import InvalidOptionError
 from drift_drake.common.executors import ExecutorConfig
 from drift_drake.common.run_folder import is_done, write_json, write_versions
 from drift_drake.drive.learnt.adapter import BayesianAdapter
@@ -45,6 +48,7 @@ from drift_drake.gap.monitoring.in_loop import CORRECTING, GapWatch, Policy, eve
 from drift_drake.gap.monitoring.monitor import make_monitor
 from drift_drake.gap.monitoring.watch import WATCHED
 from experiments.benchmarks.intervals import binomial
+from experiments.benchmarks.vehicles import Population, draw_effects
 from experiments.made import tabulated, write_report
 from experiments.other_worlds.true_cars import OwnCar, double_track_of, true_plant
 from experiments.settings import run_kept
@@ -71,6 +75,7 @@ FADE, STEP = 8.0, 0.25  # [s] of a fade as tyres' heat makes it, and of its step
 EARLIEST, LATEST = 3.0, 8.0  # [s]
 END = 1000.0  # [s], beyond a drive's
 LAPS = 0.75
+DRAWN = 291203  # seed of the vehicles of `--draw`
 NORMAL_SEEDS = (900, 901, 902)  # of the double-track car's normal drives, which the monitor learns
 
 
@@ -83,10 +88,17 @@ class Job:
     mode: Mode
     seed: int
     calibration: Path | None = None  # folder of the files of calibrated cars
+    draw: Population = "nominal"  # that the seed draws the vehicle from
 
     @property
     def name(self) -> str:
-        return f"{self.plant}-{self.change.replace(' ', '_')}-{self.mode}-{self.seed:03d}"
+        drawn = "" if self.draw == "nominal" else f"-{self.draw}"
+        return f"{self.plant}-{self.change.replace(' ', '_')}-{self.mode}{drawn}-{self.seed:03d}"
+
+    @property
+    def own(self) -> Effects:
+        """The vehicle's effects before it changes."""
+        return draw_effects(self.draw, self.seed, DRAWN)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -100,6 +112,8 @@ class Config:
     plants: tuple[OwnCar, ...] = ("single_track", "double_track")
     calibrated: bool = False
     """The car is calibrated by prediction on normal drives, and watched by windows."""
+    draw: Population = "nominal"
+    """Population that each seed draws a single-track vehicle from."""
     changes: tuple[str, ...] = tuple(CHANGES)
     modes: tuple[Mode, ...] = ("off", "correct", "slow", "correct_or_slow")
     executor: ExecutorConfig = dataclasses.field(default_factory=lambda: ExecutorConfig(workers=1))
@@ -127,19 +141,18 @@ def reference(plant: OwnCar) -> Reference:
 
 def closed_loop(
     plant: OwnCar, faults: Sequence[Fault] = (), believed: Believed | None = None, policy: Policy | None = None,
-    online: bool = False,
+    online: bool = False, true: Effects = Effects(),
 ) -> ClosedLoop:  # fmt: skip
-    """The loop of a plant; the true car may change. Without a policy it is not watched."""
+    """The loop of a plant, a single-track one with its true effects, which may change. Without a policy it is not
+    watched."""
     vehicle, own = (believed.vehicle, believed.effects) if believed else (simulator(plant), Effects())
     plain = policy not in CORRECTING and own == Effects()
-    model: StepModel = (
-        NominalStepModel(vehicle) if plain else EffectsStepModel(vehicle, on_the_motion(own), exact=False)
-    )
+    model: StepModel = NominalStepModel(vehicle) if plain else EffectsStepModel(vehicle, on_the_motion(own))
     adapter = None
     if online:
         learnt = load_model()
         model, adapter = step_model(learnt, learnt.prior()), BayesianAdapter(learnt, lags=BANK)
-    effects, car = Effects(aero_drag=1e-9), None
+    effects, car = Effects(aero_drag=1e-9) if true == Effects() else true, None
     if plant != "single_track":
         effects, car = Effects(), true_plant(plant, Effects(), reference(plant).path)
     watch = GapWatch(believed.monitor, policy) if believed and policy else None
@@ -147,17 +160,17 @@ def closed_loop(
 
 
 @cache
-def believed_of(plant: OwnCar, calibration: Path | None) -> Believed:
-    """The simulator's car, watched by a bank of filters (of a double-track car one that has learnt its normal drives);
-    or the calibrated car, watched by windows."""
+def believed_of(plant: OwnCar, calibration: Path | None, own: Effects = Effects()) -> Believed:
+    """The simulator's car with what is known of its effects, watched by a bank of filters (of a double-track car one
+    that has learnt its normal drives); or the calibrated car, watched by windows."""
     if calibration is not None:
         given, files = vehicle_given(calibration / f"{plant}.yaml"), calibration / f"{plant}.json"
         monitor = calibrated_watcher(baseline_given(files), normal_drives(plant, NORMAL_SEEDS[:1])[0], given)
         return Believed(given.parameters.single_track(), given.effects, monitor)
-    filters = make_monitor(simulator(plant), used=WATCHED)
+    filters = make_monitor(simulator(plant), own, used=WATCHED)
     if plant != "single_track":
         filters = with_baseline_scores(filters, normal_drives(plant))
-    return Believed(simulator(plant), Effects(), filters)
+    return Believed(simulator(plant), own, filters)
 
 
 def normal_drives(plant: OwnCar, seeds: Sequence[int] = NORMAL_SEEDS, believed: Believed | None = None) -> list[Run]:
@@ -190,11 +203,13 @@ def as_log(table: pd.DataFrame) -> Run:
 
 def drive(job: Job) -> dict[str, Any]:
     """How one drive ended, and what the monitor reported."""
-    effects = make_effects(CHANGES[job.change])
+    effects, own = make_effects(CHANGES[job.change]), job.own
     onset = round(float(np.random.default_rng([job.seed, 3]).uniform(EARLIEST, LATEST)), 2)
     faults, change = disturbances(job.change, effects, onset)
-    believed, policy = believed_of(job.plant, job.calibration), POLICIES.get(job.mode)
-    loop = closed_loop(job.plant, faults, believed, policy, online=job.mode.startswith("online"))
+    if change is not None:
+        change = Change(onset, Effects(*(before + q for before, q in zip(own, effects, strict=True))))
+    believed, policy = believed_of(job.plant, job.calibration, own), POLICIES.get(job.mode)
+    loop = closed_loop(job.plant, faults, believed, policy, online=job.mode.startswith("online"), true=own)
     run = loop.run(loop.initial_context(job.seed), change=change)
     events = events_of(believed.monitor, run.table) if policy else []
     slow = float(run.table["slow"].mean()) if "slow" in run.table else 0.0
@@ -258,11 +273,20 @@ def pairs(results: Sequence[dict[str, Any]]) -> str:
 
 
 def main(config: Config) -> None:
-    """Makes the drives that are not there, and prints the table."""
+    """Makes the drives that are not there, and prints the table.
+
+    Raises:
+        InvalidOptionError: `--draw` with a plant that is not the single-track one.
+    """
+    if config.draw != "nominal" and (config.plants != ("single_track",) or config.calibrated):
+        raise InvalidOptionError(
+            "--draw is of single-track vehicles that are known: give --plants single_track, and no --calibrated"
+        )
     calibration = config.out if config.calibrated else None
     for plant in config.plants if calibration else ():
         calibrate(plant, config.out)
-    jobs = [Job(plant, change, mode, seed, calibration) for seed in range(config.first, config.first + config.seeds)
+    seeds = range(config.first, config.first + config.seeds)
+    jobs = [Job(plant, change, mode, seed, calibration, config.draw) for seed in seeds
             for plant in config.plants for change in config.changes for mode in config.modes]  # fmt: skip
     config.out.mkdir(parents=True, exist_ok=True)
     write_versions(config.out)

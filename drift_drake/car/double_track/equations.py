@@ -8,19 +8,18 @@ from drift_drake.car.double_track.deviations import DEVIATIONS, deviated, value_
 from drift_drake.car.double_track.motion import (
     MIN_RELAXATION_SPEED,
     NOT_OF_THIS_CAR,
-    OwnStates,
+    OWN,
     double_track_motion,
     own_states,
     settled_states,
 )
 from drift_drake.car.double_track.parameters import changed_constants
 from drift_drake.car.effects.catalogue import CATALOGUE, PARAMETRIC
-from drift_drake.car.scalar import jitable, loaded, stored
+from drift_drake.car.scalar import jitable, loaded_tuple, stored
 
 __all__ = ["DEVIATIONS", "FOLDED", "LACKS", "SIZE", "STEPPED", "changed_constants", "decays", "deviated", "fastest",
            "rates", "settle", "value_of"]  # fmt: skip
 
-OWN = len(OwnStates._fields)
 SIZE = 5 + OWN
 STEPPED = True  # rims ring in their tyres: along a measured motion internal states need a prediction's steps
 LACKS = NOT_OF_THIS_CAR  # effects that mean nothing on this car
@@ -31,7 +30,7 @@ FOLDED = tuple(name for name, effect in CATALOGUE.items() if name in PARAMETRIC 
 @jitable
 def settle(z: Any, delta: Any, torque: Any, constants: Any, effects: Any) -> None:
     """Writes the internal states of a car that has long driven so; where commands are `lanes`, of that many cars."""
-    r, v, beta, omega_r = (loaded(z, 0, delta), loaded(z, 1, delta), loaded(z, 2, delta), loaded(z, 3, delta))
+    r, v, beta, omega_r = loaded_tuple(z, 0, 4, delta)
     own = settled_states(r, v, beta, omega_r, delta, torque, constants, effects)
     for i, state in enumerate(own):
         stored(z, 5 + i, state)
@@ -42,11 +41,10 @@ def rates(z: Any, command: Any, car: Any, out: Any) -> None:
     """Writes the states' rates; where commands are `lanes`, those of that many cars."""
     constants, effects, wrench = car
     delta, torque = command
-    r, own = loaded(z, 0, delta), own_states(z, 5, delta)
-    motion, further = double_track_motion(
-        r, loaded(z, 1, delta), loaded(z, 2, delta), loaded(z, 3, delta), loaded(z, 4, delta), own, delta, torque,
-        constants, effects, loaded(wrench, 0, delta), loaded(wrench, 1, delta), loaded(wrench, 2, delta),
-    )  # fmt: skip
+    r, v, beta, omega_r, psi = loaded_tuple(z, 0, 5, delta)
+    force_x, force_y, moment = loaded_tuple(wrench, 0, 3, delta)
+    motion, further = double_track_motion(r, v, beta, omega_r, psi, own_states(z, 5, delta), delta, torque, constants,
+                                          effects, force_x, force_y, moment)  # fmt: skip
     stored(out, 0, motion.r_dot)
     stored(out, 1, motion.v_dot)
     stored(out, 2, motion.beta_dot)

@@ -21,7 +21,7 @@ from drift_drake.car.effects.magnitudes import (
     with_double_track_forces,
 )
 from drift_drake.car.parameters import InvalidVehicleError
-from drift_drake.car.scalar import absolute, clip, cos, forwards, jitable, loaded, maximum, select, sin, tanh
+from drift_drake.car.scalar import absolute, clip, cos, forwards, jitable, loaded_tuple, maximum, select, sin, tanh
 from drift_drake.car.single_track.motion import MIN_SLIP_SPEED, Motion, planar_motion, wheel_acceleration
 from drift_drake.car.single_track.motion_with_effects import axle_friction, road_wheel, steering_rate
 
@@ -126,15 +126,13 @@ class OwnStates(NamedTuple):
     rear_right_drive_slip: Any = 0.0  # [-]
 
 
+OWN = len(OwnStates._fields)
+
+
 @jitable
 def own_states(x: Any, first: Any, like: Any) -> OwnStates:
-    """The car's own states from the index `first` of all its states on (`scalar.loaded`)."""
-    return OwnStates(
-        loaded(x, first, like), loaded(x, first + 1, like), loaded(x, first + 2, like), loaded(x, first + 3, like),
-        loaded(x, first + 4, like), loaded(x, first + 5, like), loaded(x, first + 6, like), loaded(x, first + 7, like),
-        loaded(x, first + 8, like), loaded(x, first + 9, like), loaded(x, first + 10, like),
-        loaded(x, first + 11, like), loaded(x, first + 12, like),
-    )  # fmt: skip
+    """The car's own states from the index `first` of all its states on (`scalar.loaded_tuple`)."""
+    return OwnStates(*loaded_tuple(x, first, OWN, like))
 
 
 class WheelForces(NamedTuple):

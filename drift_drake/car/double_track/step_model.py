@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from drift_drake.car.compilation import compiled
 from drift_drake.car.double_track.motion import (
+    OWN,
     OwnStates,
     check_supported,
     double_track_motion,
@@ -20,15 +21,14 @@ from drift_drake.car.double_track.motion import (
 )
 from drift_drake.car.double_track.parameters import DoubleTrackConstants, DoubleTrackParameters
 from drift_drake.car.effects.magnitudes import Effects
-from drift_drake.car.integrate import ramp, runge_kutta
+from drift_drake.car.integrate import paths
 from drift_drake.car.internal_states import RememberingStepModel, check_one_step
-from drift_drake.car.lanes import LANES, load_lanes, store_lanes
-from drift_drake.car.scalar import jitable, loaded, stored
+from drift_drake.car.lanes import LANES, load_lanes, multiply_add, store_lanes
+from drift_drake.car.scalar import jitable, loaded_tuple, stored
 from drift_drake.car.single_track.motion import path_rates
 from drift_drake.car.step_model import INPUT_SCALE, STATE_SCALE, STEP
 from drift_drake.common.arrays import Array, contiguous
 
-OWN = len(OwnStates._fields)
 SIZE = 6 + OWN
 OWN_SCALE = np.array(OwnStates(
     steering=0.3, torque=100.0, rim_difference=3.0, roll=0.05, roll_rate=0.3, a_x=5.0, a_y=5.0, front_left_slip=0.3,
@@ -63,22 +63,24 @@ class DoubleTrackStepModel(RememberingStepModel):
         check_supported(effects)
         self.internal_scale = OWN_SCALE
         self.parameters, self.constants, self.effects = parameters, parameters.constants(), effects
-        self.substeps = max(LEAST_SUBSTEPS, math.ceil(STEP * self._fastest() / ACCURATE))
+        self.substeps = 2 * math.ceil(max(LEAST_SUBSTEPS, STEP * self._fastest() / ACCURATE) / 2)  # even, in pairs
 
     def with_effects(self, effects: Effects) -> "DoubleTrackStepModel":
         return DoubleTrackStepModel(self.parameters, effects)
 
     def step(self, x: Array, u: Array, u_next: Array, curvature: Array) -> Array:
-        x_next = np.array(x, dtype=float, order="C")
-        _steps(x_next, *contiguous(u, u_next, curvature), self.constants, self.effects, STEP, self.substeps)
-        return x_next
+        path = np.empty((1, *x.shape))
+        _paths(*contiguous(x, u, u_next, curvature), self.constants, self.effects, STEP, self.substeps, path)
+        return path[0]
 
     def linearize(self, x: Array, u: Array, u_next: Array, curvature: Array) -> tuple[Array, Array, Array, Array]:
-        x_next, sensitivity = np.array(x, dtype=float, order="C"), np.empty((len(x), SIZE, SIZE + 4))
-        _sensitivities(x_next, *contiguous(u, u_next, curvature), self.constants, self.effects, STEP, self.substeps,
-                       sensitivity)  # fmt: skip
+        path, sensitivity = np.empty((self.substeps, *x.shape)), np.empty((len(x), SIZE, SIZE + 4))
+        x, u, u_next, curvature = contiguous(x, u, u_next, curvature)
+        car = (self.constants, self.effects, STEP)
+        _paths(x, u, u_next, curvature, *car, 1, path)
+        _sensitivities(path, u, u_next, curvature, *car, sensitivity)
         n = SIZE
-        return x_next, sensitivity[:, :, :n], sensitivity[:, :, n : n + 2], sensitivity[:, :, n + 2 :]
+        return path[-1], sensitivity[:, :, :n], sensitivity[:, :, n : n + 2], sensitivity[:, :, n + 2 :]
 
     def settled(self, state: Array, command: Array) -> Array:
         r, v, beta, omega_r = (float(value) for value in state)
@@ -86,11 +88,10 @@ class DoubleTrackStepModel(RememberingStepModel):
         return np.array(own, dtype=float)
 
     def run_on(self, x: Array, u: Array, u_next: Array, duration: float) -> Array:
-        later = x[None].copy()
-        substeps = math.ceil(self.substeps * duration / STEP)
-        _steps(later, *contiguous(u[None], u_next[None], np.zeros(1)), self.constants, self.effects, duration,
-               substeps)  # fmt: skip
-        return later[0]
+        path, substeps = np.empty((1, 1, SIZE)), math.ceil(self.substeps * duration / STEP)
+        _paths(*contiguous(x[None], u[None], u_next[None], np.zeros(1)), self.constants, self.effects, duration,
+               substeps, path)  # fmt: skip
+        return path[0, 0]
 
     def follows_at_once(self) -> NDArray[np.bool_]:
         q, free = self.effects, np.zeros(OWN, dtype=bool)
@@ -114,9 +115,9 @@ def path_motion(x: Any, delta: Any, tau: Any, curvature: Any, p: DoubleTrackCons
                 out: Any) -> None:  # fmt: skip
     """Writes the states' rates under the commands delta [rad] and tau [N m], on a path of this curvature [1/m]; where
     commands are `lanes`, those of that many cars."""
-    r, v, beta, omega_r = loaded(x, 0, delta), loaded(x, 1, delta), loaded(x, 2, delta), loaded(x, 3, delta)
+    r, v, beta, omega_r, e, dphi = loaded_tuple(x, 0, 6, delta)
     m, d = double_track_motion(r, v, beta, omega_r, 0.0, own_states(x, 6, delta), delta, tau, p, q)
-    e_dot, dphi_dot, _ = path_rates(r, v, m.beta_dot, loaded(x, 4, delta), loaded(x, 5, delta), curvature)
+    e_dot, dphi_dot, _ = path_rates(r, v, m.beta_dot, e, dphi, curvature)
     for i, rate in enumerate((m.r_dot, m.v_dot, m.beta_dot, m.omega_r_dot, e_dot, dphi_dot)):
         stored(out, i, rate)
     for i, rate in enumerate(d):
@@ -127,14 +128,6 @@ def path_motion(x: Any, delta: Any, tau: Any, curvature: Any, p: DoubleTrackCons
 def _rates(x: Any, command: Any, car: Any, out: Any) -> None:
     curvature, p, q = car
     path_motion(x, command[0], command[1], curvature, p, q, out)
-
-
-@jitable
-def advance_state(x: Array, u: Array, u_next: Array, first: float, last: float, curvature: float,
-                  p: DoubleTrackConstants, q: Effects, h: float, work: Array) -> None:  # fmt: skip
-    """RK4 over h [s] in place, the input going from share `first` to share `last` of its way from u to u_next."""
-    runge_kutta(_rates, x, ramp(u, u_next, first), ramp(u, u_next, first + 0.5 * (last - first)),
-                ramp(u, u_next, last), h, (curvature, p, q), work[2], work[:2])  # fmt: skip
 
 
 @compiled
@@ -157,53 +150,71 @@ def _linearized(x: Array, command: Array, curvature: float, p: DoubleTrackConsta
 
 
 @compiled
-def _steps(x: Array, u: Array, u_next: Array, curvature: Array, p: DoubleTrackConstants, q: Effects, dt: float,
-           substeps: int) -> None:  # fmt: skip
-    """The states [N, 19] a time dt [s] later, in place."""
-    work = np.empty((3, SIZE))
-    for n in range(x.shape[0]):
-        for sub in range(substeps):
-            first, last = sub / substeps, (sub + 1) / substeps
-            advance_state(x[n], u[n], u_next[n], first, last, curvature[n], p, q, dt / substeps, work)
+def _paths(x: Array, u: Array, u_next: Array, curvature: Array, p: DoubleTrackConstants, q: Effects, dt: float,
+           every: int, path: Array) -> None:  # fmt: skip
+    """`integrate.paths` of this car."""
+    paths(_rates, x, u, u_next, curvature, (p, q), dt, every, path)
 
 
 @compiled
-def _sensitivities(x: Array, u: Array, u_next: Array, curvature: Array, p: DoubleTrackConstants, q: Effects, dt: float,
-                   substeps: int, sensitivity: Array) -> None:  # fmt: skip
-    """The same, and the sensitivities S [N, 19, 23] by (x, u, u_next): dS/dt = A S + B (input's share), A, B at the
-    middle of each sub-step."""
-    work, before, middle, command = np.empty((3, SIZE)), np.empty(SIZE), np.empty(SIZE), np.empty(2)
-    jacobian = np.zeros((SIZE, SIZE + 2))
-    s, k, scratch = np.empty((SIZE, COLUMNS)), np.empty(SIZE * COLUMNS), np.empty((2, SIZE * COLUMNS))
-    h = dt / substeps
-    for n in range(x.shape[0]):
-        for i in range(SIZE):
-            for j in range(COLUMNS):
-                s[i, j] = 1.0 if i == j else 0.0
+def _sensitivities(path: Array, u: Array, u_next: Array, curvature: Array, p: DoubleTrackConstants, q: Effects,
+                   dt: float, sensitivity: Array) -> None:  # fmt: skip
+    """Writes the sensitivities S [N, 19, 23] by (x, u, u_next): dS/dt = A S + B (input's share), with A, B at every
+    other state of a path [2 K, N, 19] and constant from the state before it to the one behind."""
+    command, jacobian, substeps = np.empty(2), np.zeros((SIZE, SIZE + 2)), len(path)
+    s, further = np.zeros((SIZE + 2) * COLUMNS), np.zeros((2, (SIZE + 2) * COLUMNS))
+    filled, count = np.empty((SIZE, SIZE + 2), np.int64), np.empty(SIZE, np.int64)
+    for n in range(len(u)):
+        s[:] = 0.0
+        for i in range(SIZE + 2):
+            s[i * COLUMNS + i] = 1.0
         for sub in range(substeps):
-            first, last = sub / substeps, (sub + 1) / substeps
-            before[:] = x[n]
-            advance_state(x[n], u[n], u_next[n], first, last, curvature[n], p, q, h, work)
-            share = 0.5 * (first + last)
-            for i in range(SIZE):
-                middle[i] = 0.5 * (before[i] + x[n, i])
-            for i in range(2):
-                command[i] = u[n, i] + share * (u_next[n, i] - u[n, i])
-            _linearized(middle, command, curvature[n], p, q, jacobian)
-            runge_kutta(_sensitivity_rates, s.reshape(-1), (first,), (share,), (last,), h, jacobian, k, scratch)
-        sensitivity[n] = s[:, : SIZE + 4]
+            if sub % 2 == 0:
+                share = (sub + 1) / substeps
+                for i in range(2):
+                    command[i] = u[n, i] + share * (u_next[n, i] - u[n, i])
+                _linearized(path[sub, n], command, curvature[n], p, q, jacobian)
+                _find_filled(jacobian, filled, count)
+            _propagate(s, further, jacobian, filled, count, dt / substeps, 1.0 / substeps)
+        for i in range(SIZE):
+            for j in range(SIZE + 4):
+                sensitivity[n, i, j] = s[i * COLUMNS + j]
 
 
 @jitable
-def _sensitivity_rates(s: Array, share: tuple[float], jacobian: Array, out: Array) -> None:
-    """dS/dt = A S + B (input's share), S and its rates flat, [A B] the jacobian."""
-    n, blocks = COLUMNS, COLUMNS // LANES
+def _find_filled(jacobian: Array, filled: NDArray[np.int64], count: NDArray[np.int64]) -> None:
+    """Which entries of a row are not zero: 150 of 361 of A."""
     for i in range(SIZE):
-        for block in range(blocks):
-            total = jacobian[i, 0] * load_lanes(s, block)
-            for m in range(1, SIZE):
-                total = total + jacobian[i, m] * load_lanes(s, m * blocks + block)
-            store_lanes(out, i * blocks + block, total)
+        count[i] = 0
+        for m in range(SIZE + 2):
+            if jacobian[i, m] != 0.0:
+                filled[i, count[i]] = m
+                count[i] += 1
+
+
+@jitable
+def _propagate(s: Array, further: Array, jacobian: Array, filled: NDArray[np.int64], count: NDArray[np.int64], h: float,
+               share: float) -> None:  # fmt: skip
+    """S and the inputs' rows below it [21 rows, flat], h [s] and a share of the inputs' way later: Runge-Kutta's sum
+    for constant A and B, s + h A (s + h/2 A (s + h/3 A (s + h/4 A s)))."""
+    before = s
+    for order in range(4, 0, -1):
+        after = further[order % 2]
+        for i in range(SIZE):
+            first = second = third = 0.0 * load_lanes(s, 0)
+            for c in range(count[i]):
+                m = filled[i, c]
+                entry = jacobian[i, m]
+                first = multiply_add(entry, load_lanes(before, 3 * m), first)
+                second = multiply_add(entry, load_lanes(before, 3 * m + 1), second)
+                third = multiply_add(entry, load_lanes(before, 3 * m + 2), third)
+            store_lanes(after, 3 * i, load_lanes(s, 3 * i) + h / order * first)
+            store_lanes(after, 3 * i + 1, load_lanes(s, 3 * i + 1) + h / order * second)
+            store_lanes(after, 3 * i + 2, load_lanes(s, 3 * i + 2) + h / order * third)
         for j in range(2):
-            out[i * n + SIZE + j] += (1.0 - share[0]) * jacobian[i, SIZE + j]
-            out[i * n + SIZE + 2 + j] += share[0] * jacobian[i, SIZE + j]
+            row = (SIZE + j) * COLUMNS
+            after[row + SIZE + j] = s[row + SIZE + j] - share / order
+            after[row + SIZE + 2 + j] = s[row + SIZE + 2 + j] + share / order
+        before = after
+    for i in range(len(s)):
+        s[i] = before[i]

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from drift_drake.car.compilation import compiled
+from drift_drake.car.compilation import compiled, copied
 from drift_drake.car.parameters import Constants
 from drift_drake.car.scalar import jitable
 from drift_drake.car.single_track.motion import linearize_point
@@ -153,7 +153,8 @@ def curved_steps(points: Array, g: Array, by_z: Array, weights: Array, p: Consta
     gradient = np.empty((13, 12))
     for n in range(len(points)):
         for moved in range(13):  # the last time where it is
-            point[:], learnt[:] = points[n], g[n]
+            copied(points[n], point)
+            copied(g[n], learnt)
             if moved < 12:
                 point[moved] += sizes[moved]
                 place = PLACE_IN_Z[moved]

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from drift_drake.car.compilation import compiled
+from drift_drake.car.compilation import compiled, copied
 from drift_drake.car.parameters import Constants
 from drift_drake.car.scalar import jitable
 from drift_drake.car.single_track.motion import slip_point, static_loads
@@ -99,7 +99,7 @@ def _physical(z: Array, p: Constants, wheel: Array) -> tuple[Array, Array]:
     inputs, gradient = np.empty((count, size + PHYSICAL_COUNT)), np.zeros((count, PHYSICAL_COUNT, size))
     at, slip, dslip, found, slopes = np.empty(5), np.empty(4), np.empty((4, 5)), np.empty(6), np.empty((6, 5))
     for n in range(count):
-        inputs[n, :size] = z[n]
+        copied(z[n], inputs[n, :size])
         for turn in range(2):  # at the step's end the front alone is asked
             _asked_of(z[n], wheel[turn], at)
             _asked(at, turn == 1, p, slip, dslip, found, slopes)

@@ -11,8 +11,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from drift_drake.car.compilation import compiled
+from drift_drake.car.compilation import compiled, copied, inlined
+from drift_drake.car.scalar import jitable
 from drift_drake.common.arrays import Array
+from drift_drake.drive.qp.products import largest
 from drift_drake.drive.qp.riccati import costates, factorise, substitute
 
 TO_THE_BOUNDARY = 0.995  # share of the way to it that a step takes
@@ -78,7 +80,9 @@ def _gradients(f: Array, hessian: Array, gx: Array, gu: Array, target: Array, x:
     count, n = f.shape[0], f.shape[1]
     z = np.empty(n + 4)
     for k in range(count):
-        z[:n], z[n : n + 2], z[n + 2 :] = x[k], u[k], u[k + 1]
+        copied(x[k], z[:n])
+        copied(u[k], z[n : n + 2])
+        copied(u[k + 1], z[n + 2 :])
         for i in range(n + 4):
             total = 0.0
             for j in range(n + 4):
@@ -198,11 +202,11 @@ def _dual_residual(f: Array, linear: Array, end: Array, penalty: Array, costate:
                    multipliers: Array) -> float:  # fmt: skip
     """The largest entry of the Lagrangian's gradient."""
     count, n = f.shape[0], f.shape[1]
-    largest, by_stage = 0.0, np.zeros(n + 2)
+    found, by_stage = 0.0, np.zeros(n + 2)
     before, by_input = np.zeros(2), np.zeros(2)  # of stage k-1 by u_k
     for k in range(count + 1):
-        by_stage[:] = end if k == count else linear[k, : n + 2]
-        before[:] = by_input
+        copied(end if k == count else linear[k, : n + 2], by_stage)
+        copied(by_input, before)
         if k < count:
             for m in range(n):
                 for i in range(n + 2):
@@ -213,15 +217,17 @@ def _dual_residual(f: Array, linear: Array, end: Array, penalty: Array, costate:
                     by_input[i] += f[k, m, n + 2 + i] * costate[k + 1, m]
         if k == 0:
             continue
-        by_stage[:n] -= costate[k, :n]
-        by_stage[n:] += before
+        for i in range(n):
+            by_stage[i] -= costate[k, i]
+        for i in range(2):
+            by_stage[n + i] += before[i]
         over = penalty[k - 1]
         for r in range(rows.first[k - 1], rows.first[k]):
             over -= rows.softness[r] * multipliers[r]
             for i in range(n + 2):
                 by_stage[i] -= rows.row[r, i] * multipliers[r]
-        largest = max(largest, np.abs(by_stage).max(), abs(over))
-    return largest
+        found = max(found, largest(by_stage), abs(over))
+    return found
 
 
 @compiled
@@ -239,7 +245,14 @@ def _centred(multipliers: Array, margin: Array, length: float, margin_step: Arra
         centre[r] = target - margin_step[r] * multiplier_step[r]
 
 
-@compiled
+@jitable
+def _add(factor: float, values: Array, out: Array) -> None:
+    """out += factor * values, entry by entry: quick to compile."""
+    for i in range(len(out)):
+        out[i] += factor * values[i]
+
+
+@inlined
 def attempt(f: Array, hessian: Array, gx: Array, gu: Array, penalty: Array, target: Array, rows: Inequalities,
              tolerance: float, start: tuple[float, float, int], x: Array, u: Array, slack: Array, costate: Array,
              multipliers: Array) -> tuple[int, bool]:  # fmt: skip
@@ -247,13 +260,15 @@ def attempt(f: Array, hessian: Array, gx: Array, gu: Array, penalty: Array, targ
     count, n, inequalities = f.shape[0], f.shape[1], rows.bound.size
     margin, values, centre = np.empty(inequalities), np.empty(inequalities), np.empty(inequalities)
     margin_step, multiplier_step, slack_step = np.empty_like(margin), np.empty_like(margin), np.empty(count)
-    linear, defect, end = np.empty((count, n + 4)), np.empty((count, n)), np.concatenate((gx[count], gu[count]))
+    linear, defect, end = np.empty((count, n + 4)), np.empty((count, n)), np.empty(n + 2)
     condensed = _Condensed(np.empty_like(rows.row), np.empty((inequalities, 2), np.intp), np.empty((count, n + 2)),
                            np.empty((count, n + 2)), np.empty(count), np.empty((count, n + 2, n + 2)))  # fmt: skip
     barrier, constant = np.empty((count, n + 2)), np.empty(count)
     p, gain, pivots = np.empty((count + 1, n + 2, n + 2)), np.empty((count, 2, n + 2)), np.empty((count, 3))
     q, ahead, step = np.empty((count + 1, n + 2)), np.empty((count, 2)), np.empty((count + 1, n + 2))
     next_costate = np.empty_like(costate)
+    copied(gx[count], end[:n])
+    copied(gu[count], end[n:])
     _start(x, u, rows, penalty, start, values, slack, margin, multipliers)
     costate[:] = 0.0
     iteration, limit = 0, start[2]
@@ -261,11 +276,11 @@ def attempt(f: Array, hessian: Array, gx: Array, gu: Array, penalty: Array, targ
         _values(x, u, slack, rows, values)
         _gradients(f, hessian, gx, gu, target, x, u, linear, defect)
         complementarity = float(margin @ multipliers) / inequalities
-        primal = max(np.abs(defect).max(), np.abs(values - margin).max())
+        primal = max(largest(defect.ravel()), largest(values - margin))
         if not np.isfinite(primal + complementarity):
             return iteration, False
         if iteration > 0 and max(primal, complementarity) <= tolerance:
-            size = max(1.0, multipliers.max(), np.abs(costate).max())
+            size = max(1.0, largest(multipliers), largest(costate.ravel()))
             if _dual_residual(f, linear, end, penalty, costate, rows, multipliers) <= tolerance * size:
                 return iteration, True
         if iteration == limit:
@@ -292,16 +307,18 @@ def attempt(f: Array, hessian: Array, gx: Array, gu: Array, penalty: Array, targ
                 )
         costates(p, q, step, next_costate)
         length = min(1.0, TO_THE_BOUNDARY * length)
-        x += length * step[:, :n]
-        u += length * step[:, n:]
-        costate += length * (next_costate - costate)
-        slack += length * slack_step
-        margin += length * margin_step
-        multipliers += length * multiplier_step
+        for k in range(count + 1):
+            _add(length, step[k, :n], x[k])
+            _add(length, step[k, n:], u[k])
+            for i in range(n + 2):
+                costate[k, i] += length * (next_costate[k, i] - costate[k, i])
+        _add(length, slack_step, slack)
+        _add(length, margin_step, margin)
+        _add(length, multiplier_step, multipliers)
         iteration += 1
 
 
-@compiled
+@inlined
 def interior_point(f: Array, hessian: Array, gx: Array, gu: Array, penalty: Array, target: Array, rows: Inequalities,
                    tolerance: float, x: Array, u: Array, slack: Array, costate: Array,
                    multipliers: Array) -> tuple[int, bool]:  # fmt: skip
@@ -323,7 +340,8 @@ def interior_point(f: Array, hessian: Array, gx: Array, gu: Array, penalty: Arra
     first_x, first_u = x.copy(), u.copy()
     total = 0
     for start in STARTS:
-        x[:], u[:] = first_x, first_u
+        copied(first_x.ravel(), x.ravel())
+        copied(first_u.ravel(), u.ravel())
         iterations, solved = attempt(
             f, hessian, gx, gu, penalty, target, rows, tolerance, start, x, u, slack, costate, multipliers
         )

@@ -109,7 +109,7 @@ def dual_residual(gradient: Array, stages: Stages, f: Array, y: Array) -> float:
             multiplier = y[count * n + n + 2 + r]
             for j in range(values.shape[1]):
                 out[stages.bound_columns[k, j]] += values[r, j] * multiplier
-    return float(np.abs(out).max())
+    return largest(out)
 
 
 @compiled

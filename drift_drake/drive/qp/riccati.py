@@ -10,7 +10,7 @@ separately. The work grows as N (n+4)^3 / 3, the solution is exact (Rao, Wright 
 
 import numpy as np
 
-from drift_drake.car.compilation import compiled
+from drift_drake.car.compilation import compiled, copied
 from drift_drake.common.arrays import Array
 
 
@@ -109,7 +109,7 @@ def substitute(f: Array, linear: Array, end: Array, barrier: Array, defect: Arra
     for k in range(count, -1, -1):
         here = q[k]
         if k == count:
-            here[:] = end
+            copied(end, here)
         else:
             after, fk, pk = q[k + 1], f[k], p[k + 1]
             for i in range(carried):

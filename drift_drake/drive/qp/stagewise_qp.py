@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from drift_drake.car.compilation import compiled
+from drift_drake.car.compilation import compiled, copied
 from drift_drake.common.arrays import Array, Index
 from drift_drake.drive.qp.interior_point import Inequalities, interior_point
 from drift_drake.drive.qp.stages import StageBounds, Stages
@@ -25,7 +25,8 @@ def one_sided(bounds: StageBounds) -> tuple[Inequalities, Index, Array]:
     begin[-1] = count
     row, softness = np.empty((count, values.shape[1] - 1)), np.empty(count)
     for i in range(count):
-        row[i] = side[i] * values[place[i], :-1]
+        for j in range(row.shape[1]):
+            row[i, j] = side[i] * values[place[i], j]
         softness[i] = side[i] * values[place[i], -1]
     return Inequalities(row, softness, limit[:count], begin), place[:count], side[:count]
 
@@ -43,7 +44,8 @@ def solve_stages(stages: Stages, f: Array, target: Array, z: Array, tolerance: f
     z = z.copy()
     x, u, slack = z[:states].reshape(-1, n), z[states : states + inputs].reshape(-1, 2), z[states + inputs :]
     gx, gu = gradient[:states].reshape(-1, n), gradient[states : states + inputs].reshape(-1, 2)
-    x[0], u[0] = given[:n], given[n:]
+    copied(given[:n], x[0])
+    copied(given[n:], u[0])
     rows, place, side = one_sided(stages.bounds)
     costate, multipliers = np.empty((count + 1, n + 2)), np.empty(place.size)
     iterations, solved = interior_point(
@@ -63,8 +65,8 @@ def solve_stages(stages: Stages, f: Array, target: Array, z: Array, tolerance: f
     )
     y = np.zeros(count * n + n + 2 + stages.bounds.low.size)
     for k in range(count):
-        y[k * n : (k + 1) * n] = costate[k + 1, :n]
-    y[count * n : count * n + n + 2] = -costate[0]
+        copied(costate[k + 1, :n], y[k * n : (k + 1) * n])
+    copied(-costate[0], y[count * n : count * n + n + 2])
     for i in range(place.size):
         y[count * n + n + 2 + place[i]] -= side[i] * multipliers[i]
     return z, y, solved, iterations

@@ -90,11 +90,13 @@ def along(grid: Grid, s0: float, dt: float, count: int) -> tuple[Array, Array, A
     times = times_at(grid, np.array([s0]))[0] + dt * np.arange(count + 1)
     s = positions_at(grid, times)
     s[0] = s0
-    rows, heading = rows_at(grid, s), np.empty(count + 1)
+    rows, heading, curvature = rows_at(grid, s), np.empty(count + 1), np.empty(count)
     for k in range(count + 1):
         within, laps = wrapped(grid, s[k])
         i, part = _place(grid, within)
         heading[k] = (1.0 - part) * grid.heading[i] + part * grid.heading[i + 1] + laps * grid.turning
         if not grid.closed:
             heading[k] += (s[k] - within) * rows[k, CURVATURE]
-    return s, rows, np.diff(heading) / np.diff(s)
+    for k in range(count):
+        curvature[k] = (heading[k + 1] - heading[k]) / (s[k + 1] - s[k])
+    return s, rows, curvature

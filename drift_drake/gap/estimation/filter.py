@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from drift_drake.car.actuated import STAGES
-from drift_drake.car.compilation import compiled
+from drift_drake.car.compilation import compiled, copied
 from drift_drake.car.effects.magnitudes import depends_on_heading, reading_gains
 from drift_drake.car.scalar import jitable
 from drift_drake.gap.estimation.filter_state import (
@@ -165,7 +165,7 @@ def filter_run(
     """
     rows = y.shape[0]
     z, k, w = np.zeros(SIZE), np.zeros(SIZE + 2), np.zeros((2, SIZE))
-    probe = np.zeros(SIZE, np.complex128)
+    probe = np.zeros(SIZE)
     jacobian = np.zeros((SIZE + 2, CORRECTED))
     n, m = CORRECTED, MEASURED
     p, f, t = np.zeros((n, n)), np.zeros((n, n)), np.zeros((n, n))
@@ -192,10 +192,10 @@ def filter_run(
         transition(jacobian, period, moving, f, t, scratch)
         propagate(f, process, period, moving, p, t)
         if acting:
-            wrench[:] = wrenches[row - 1]
+            copied(wrenches[row - 1], wrench)
         advance_row(z, delta, torque, row - 1, period, SUBSTEPS, constants, effects, wrench, k, w)
         if acting:
-            wrench[:] = wrenches[row]
+            copied(wrenches[row], wrench)
         at = STAGES * row
         linearise(z, delta[at], torque[at], constants, effects, relaxed, graded, probe, jacobian)
         rates_of(z, delta[at], torque[at], constants, effects, wrench, k)
@@ -258,21 +258,21 @@ def observe_run(
     predicted, nu, wrench = np.zeros(MEASURED), np.zeros(MEASURED), np.zeros(3)
     keep, acting = states.shape[0] == rows, wrenches.shape[0] == rows
     if known.shape[0] == SIZE:
-        z[:] = known
+        copied(known, z)
     else:
         first_state(y, first, used, delta, torque, constants, effects, z)
     innovations[: first + 1] = 0.0
-    if keep:
-        states[: first + 1] = z
+    for row in range(first + 1 if keep else 0):
+        copied(z, states[row])
     for row in range(first + 1, rows):
         if acting:
-            wrench[:] = wrenches[row - 1]
+            copied(wrenches[row - 1], wrench)
         advance_row(z, delta, torque, row - 1, period, substeps, constants, effects, wrench, k, w)
         at = STAGES * row
         if acting:
-            wrench[:] = wrenches[row]
+            copied(wrenches[row], wrench)
         rates_of(z, delta[at], torque[at], constants, effects, wrench, k)
         predict_measurement(z, k[SIZE], k[SIZE + 1], effects, predicted)
         correct(y[row], used, predicted, gain[row], whitening[row], nu, z, innovations[row])
         if keep:
-            states[row] = z
+            copied(z, states[row])

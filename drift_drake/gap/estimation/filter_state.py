@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from drift_drake.car.actuated import STAGES
-from drift_drake.car.compilation import compiled
+from drift_drake.car.compilation import compiled, copied
 from drift_drake.car.effects.magnitudes import (
     InternalStates,
     measured,
@@ -40,13 +40,14 @@ MOST_SPLITS, MOST_SQUARINGS = 15, 8
 MIN_FILTER_SPEED = (
     0.6  # [m/s] at which estimated speeds are held, either way: the slips' floors are no model of standstill
 )
+DIFFERENCE = 1e-7  # of a state, in its own unit
 
 
 @jitable
 def state_rates(
     z: Any, delta: Any, torque: Any, constants: Any, effects: Any, force_x: Any, force_y: Any, moment: Any
 ) -> Any:
-    """Rates of z and the body acceleration (a_x, a_y), on floats or complex numbers."""
+    """Rates of z and the body acceleration (a_x, a_y)."""
     zero = 0.0 * z[0]
     internal = InternalStates(*((zero, zero) + fixed_tuple(z[7:], HELD)))  # noqa: RUF005 (for numba)
     motion, rates = motion_with_effects(
@@ -186,19 +187,23 @@ def linearise(
     probe: Any,
     jacobian: Any,
 ) -> Any:
-    """Complex-step Jacobian [SIZE + 2, 9] of the rates and accelerations with respect to the corrected states."""
+    """Jacobian [SIZE + 2, 9] of the rates and accelerations by the corrected states, by forward differences, good to a
+    millionth; `probe` [SIZE] is scratch."""
     for j in range(CORRECTED):
         for i in range(SIZE + 2):
             jacobian[i, j] = 0.0
+    here = state_rates(z, delta, torque, constants, effects, 0.0, 0.0, 0.0)
+    copied(z, probe)
     for j in range(CORRECTED):
         if j == 5 or j == 6 or (j == 4 and not graded) or (j >= 7 and not relaxed):
             continue
-        for i in range(SIZE):
-            probe[i] = z[i]
-        probe[j] += 1e-20j
-        rates = state_rates(probe, delta, torque, constants, effects, 0.0, 0.0, 0.0)
-        for i, rate in enumerate(rates):
-            jacobian[i, j] = rate.imag * 1e20
+        probe[j] = z[j] + DIFFERENCE
+        moved = probe[j] - z[j]
+        for i, rate in enumerate(state_rates(probe, delta, torque, constants, effects, 0.0, 0.0, 0.0)):
+            jacobian[i, j] = rate / moved
+        for i, rate in enumerate(here):
+            jacobian[i, j] -= rate / moved
+        probe[j] = z[j]
     course = z[4] + z[2]
     if not graded:
         jacobian[5, 4] = -z[1] * np.sin(course)
@@ -238,4 +243,5 @@ def transition(jacobian: Any, period: Any, n: Any, f: Any, power: Any, scratch: 
                 for m in range(n):
                     total += f[i, m] * f[m, j]
                 power[i, j] = total
-        f[:] = power
+        for i in range(n):
+            copied(power[i], f[i])

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from drift_drake.car.actuated import STAGES
-from drift_drake.car.compilation import compiled
+from drift_drake.car.compilation import compiled, copied
 from drift_drake.car.effects.magnitudes import unbiased
 from drift_drake.car.equations import fastest, rates, settle
 from drift_drake.car.integrate import runge_kutta
@@ -129,7 +129,7 @@ def predict_in_lanes(
     for s in range(each):
         behind = _next_starts(starts, s, each, lead, at, start, anew)
         if np.any(anew):
-            before[:] = carried
+            copied(carried, before)
             _gathered(start_y, at, 0.0, read)
             _measured_state(read, effects, False, carried)
             begin = _commanded(delta, torque, at, 0.0, command)
@@ -141,14 +141,14 @@ def predict_in_lanes(
         for part in range(out.shape[1] + 1):
             x = carried if part == 0 else z
             if part == 1:
-                z[:] = carried
+                copied(carried, z)
                 _gathered(start_y, start, 0.0, read)
                 _measured_state(read, effects, False, z)
             for further in range(behind if part == 0 else stride_rows):
                 for lane in range(LANES):
                     row[lane] = at[lane] if part == 0 else start[lane] + (part - 1) * stride_rows + further
                 if part == 0:
-                    before[:] = carried
+                    copied(carried, before)
                     _gathered(start_y, row, 0.0, read)
                     _measured_state(read, effects, False, x)
                 if wrenches.shape[0] == y.shape[0]:

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from drift_drake.car.actuated import STAGES, without_actuators
-from drift_drake.car.compilation import compiled
+from drift_drake.car.compilation import compiled, copied
 from drift_drake.car.road import on_road
 from drift_drake.gap.estimation.filter_state import MEASURED, SIZE, SUBSTEPS, advance_row, predict_measurement, rates_of
 from drift_drake.gap.estimation.fit import Fit, minimise, sensitivity
@@ -46,7 +46,7 @@ def roll_out(
     z, k, w, wrench = np.zeros(SIZE), np.zeros(SIZE + 2), np.zeros((2, SIZE)), np.zeros(3)
     predicted = np.zeros(MEASURED)
     for s in range(len(starts)):
-        z[:] = states[starts[s]]
+        copied(states[starts[s]], z)
         done = 0
         for h in range(len(steps)):
             end = starts[s] + steps[h]
@@ -55,15 +55,15 @@ def roll_out(
                 continue
             for row in range(starts[s] + done, end):
                 if acting:
-                    wrench[:] = wrenches[row]
+                    copied(wrenches[row], wrench)
                 advance_row(z, delta, torque, row, period, SUBSTEPS, constants, effects, wrench, k, w)
             done = steps[h]
             at = STAGES * end
             if acting:
-                wrench[:] = wrenches[end]
+                copied(wrenches[end], wrench)
             rates_of(z, delta[at], torque[at], constants, effects, wrench, k)
             predict_measurement(z, k[SIZE], k[SIZE + 1], effects, predicted)
-            out[s, h] = predicted
+            copied(predicted, out[s, h])
 
 
 def predicted_ahead(

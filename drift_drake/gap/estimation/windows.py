@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from drift_drake.car.actuated import STAGES, actuated, without_actuators
-from drift_drake.car.compilation import compiled
+from drift_drake.car.compilation import compiled, copied
 from drift_drake.car.effects.catalogue import wheelbase
 from drift_drake.car.effects.installed import installed_effects
 from drift_drake.car.effects.magnitudes import Effects, unbiased
@@ -186,7 +186,7 @@ def predict_windows(
         # Internal states follow the measured motion up to this start.
         while at_row < start:
             if has_wrench:
-                wrench[:] = wrenches[at_row]
+                copied(wrenches[at_row], wrench)
             if stepped:
                 _measured_state(start_y[at_row], effects, carried)
                 _advance(carried, delta, torque, at_row, period, constants, effects, fed,
@@ -202,12 +202,12 @@ def predict_windows(
                 for i in range(5, size):
                     carried[i] += h * k[i] / (1.0 + h * decay[i])
             at_row += 1
-        z[:] = carried
+        copied(carried, z)
         _measured_state(start_y[start], effects, z)
         for h in range(out.shape[1]):
             for row in range(start + h * stride_rows, start + (h + 1) * stride_rows):
                 if has_wrench:
-                    wrench[:] = wrenches[row]
+                    copied(wrenches[row], wrench)
                 _advance(z, delta, torque, row, period, constants, effects, fed,
                          _measured_speeds(start_y[row], effects), _measured_speeds(start_y[row + 1], effects),
                          wrench, k, w)  # fmt: skip

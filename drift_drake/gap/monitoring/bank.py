@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from drift_drake.car.actuated import STAGES, first_order_lag, limited_steering, without_actuators
-from drift_drake.car.compilation import compiled
+from drift_drake.car.compilation import compiled, copied
 from drift_drake.car.effects.catalogue import CATALOGUE, LIMITS, wheelbase
 from drift_drake.car.effects.delays import check_causal, command_delays, sensor_delay
 from drift_drake.car.effects.magnitudes import COUNT, Effects, depends_on_heading
@@ -167,13 +167,14 @@ def start_bank(y: Any, used: Any, command: Any, bank: Any, state: Any) -> Any:
     constants = Constants(*fixed_tuple(bank.constants, CONSTANTS))
     delta, torque = np.empty(1), np.full(1, command[1])
     rows = np.empty((1, MEASURED))
-    rows[0] = y
+    copied(y, rows[0])
     for j in range(len(state.z)):
         effects = Effects(*fixed_tuple(bank.dynamic[j], COUNT))
         delta[0] = road_wheel(command[0], Effects(*fixed_tuple(bank.effects[j], COUNT)))
         first_state(rows, 0, used, delta, torque, constants, effects, state.z[j])
         state.actuators[j, 0], state.actuators[j, 1] = delta[0], torque[0]
-    state.commands[:] = command
+    for row in range(len(state.commands)):
+        copied(command, state.commands[row])
     state.p[:] = 0.0
     for i in range(4):
         state.p[i, i] = bank.noise[i] if used[i] else UNMEASURED
@@ -187,7 +188,7 @@ def start_bank(y: Any, used: Any, command: Any, bank: Any, state: Any) -> Any:
 
 @compiled
 def _linearised(z: Any, delta: Any, torque: Any, constants: Any, effects: Any, jacobian: Any) -> Any:
-    probe = np.zeros(SIZE, np.complex128)
+    probe = np.zeros(SIZE)
     relaxed, graded = effects.tyre_relaxation > 0.0, depends_on_heading(effects)
     linearise(z, delta, torque, constants, effects, relaxed, graded, probe, jacobian)
 
@@ -227,8 +228,9 @@ def _row(y: Any, used: Any, command: Any, bank: Any, state: Any, innovations: An
     f, t, scratch, s, low = np.zeros((n, n)), np.zeros((n, n)), np.zeros((n, n)), np.zeros((m, m)), np.zeros((m, m))
     h, ph, gain, whitening = np.zeros((m, n)), np.zeros((n, m)), np.zeros((n, m)), np.zeros((m, m))
     predicted, nu = np.zeros(m), np.zeros(m)
-    state.commands[:-1] = state.commands[1:].copy()
-    state.commands[-1] = command
+    for row in range(len(state.commands) - 1):
+        copied(state.commands[row + 1], state.commands[row])
+    copied(command, state.commands[-1])
     transition(state.jacobian, bank.period, n, f, t, scratch)
     propagate(f, bank.process, bank.period, n, state.p, t)
     for j in range(len(state.z)):
@@ -238,10 +240,12 @@ def _row(y: Any, used: Any, command: Any, bank: Any, state: Any, innovations: An
         rates_of(z, delta[-1], torque[-1], constants, effects, bank.wrenches[j], k)
         predict_measurement(z, k[SIZE], k[SIZE + 1], effects, predicted)
         if j == 0:
-            state.reading[:], state.predicted[:] = y, predicted
+            copied(y, state.reading)
+            copied(predicted, state.predicted)
             _linearised(z, delta[-1], torque[-1], constants, effects, state.jacobian)
             measurement_matrix(effects, h)
-            h[4, :n], h[5, :n] = state.jacobian[SIZE], state.jacobian[SIZE + 1]
+            copied(state.jacobian[SIZE], h[4, :n])
+            copied(state.jacobian[SIZE + 1], h[5, :n])
             update_covariance(h, bank.noise, used, n, state.p, gain, whitening, ph, s, low, t, scratch)
         correct(y, used, predicted, gain, whitening, nu, z, innovations[j])
 

@@ -249,7 +249,7 @@ def test_a_car_that_is_known_is_driven_with_what_it_has(tmp_path: Path) -> None:
     assert isinstance(loop.controller, MpcController)
     model = loop.controller.mpc.model
     x, u, curvature = np.array([[0.5, 11.0, -0.5, 16.0, 0.1, 0.02]]), np.array([[-0.1, 150.0]]), np.zeros(1)
-    expected = EffectsStepModel(parameters, make_effects({"steering_lag": 0.05}), exact=False)
+    expected = EffectsStepModel(parameters, make_effects({"steering_lag": 0.05}))
     x = np.hstack([x, expected.settled(x[0, :4], u[0])[None]])
     np.testing.assert_array_equal(model.step(x, u, 1.1 * u, curvature), expected.step(x, u, 1.1 * u, curvature))
     assert loop.diagram.HasSubsystemNamed("sensor_correction")

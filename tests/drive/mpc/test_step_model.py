@@ -60,26 +60,41 @@ def with_internal_states(effects: Effects) -> Array:
     return np.concatenate([X, np.array(internal, dtype=float)], axis=1)
 
 
-@pytest.mark.parametrize("exact", [True, False])
-def test_effects_jacobians_and_carry_of_internal_states(exact: bool) -> None:
+def test_effects_jacobians_and_carry_of_internal_states() -> None:
     effects = make_effects({
         "friction_level": -0.1, "steering_lag": 0.06, "torque_lag": 0.15, "tyre_relaxation": 0.4, "aero_drag": 1.0,
         "longitudinal_load_transfer": 0.45, "tyre_thermal_fade": 0.2})  # fmt: skip
-    model = EffectsStepModel(PARAMETERS, effects, exact)
+    model = EffectsStepModel(PARAMETERS, effects)
     x = with_internal_states(effects)
     assert x.shape[1] == STATE_SIZE
-    check_jacobians(model, x, 1e-6 if exact else 1e-5)
+    check_jacobians(model, x, 1e-6)
     # A ramp of 0.1 s seen through a lag of T: the road wheel ends T (1 - exp(-0.1 / T)) of the slope behind.
     lag = 0.06
     behind = (U_NEXT[:, 0] - U[:, 0]) / 0.1 * lag * (1.0 - np.exp(-0.1 / lag))
     np.testing.assert_allclose(model.step(x, U, U_NEXT, CURVATURE)[:, 6], U_NEXT[:, 0] - behind, rtol=0, atol=1e-5)
 
 
-def test_effects_that_are_off_leave_the_nominal_step() -> None:
-    effects = Effects()
-    with_effects = EffectsStepModel(PARAMETERS, effects).step(with_internal_states(effects), U, U_NEXT, CURVATURE)
-    nominal = NominalStepModel(PARAMETERS).step(X, U, U_NEXT, CURVATURE)
-    np.testing.assert_allclose(with_effects[:, :6], nominal, rtol=0, atol=1e-12)
+@pytest.mark.parametrize("drag", [0.0, 1e-12])
+def test_effects_that_are_off_leave_the_nominal_step(drag: float) -> None:
+    """By the constants alone, and by all equations at once, whose differences are then the exact Jacobians."""
+    effects = Effects(aero_drag=drag)
+    found = EffectsStepModel(PARAMETERS, effects).linearize(with_internal_states(effects), U, U_NEXT, CURVATURE)
+    exact = NominalStepModel(PARAMETERS).linearize(X, U, U_NEXT, CURVATURE)
+    np.testing.assert_allclose(found[0][:, :6], exact[0], rtol=0, atol=1e-12)
+    for jacobian, wanted in zip(found[1:], exact[1:], strict=True):
+        np.testing.assert_allclose(jacobian[:, :6, : wanted.shape[2]], wanted, rtol=0, atol=1e-7)
+
+
+def test_many_stages_are_stepped_as_each_alone() -> None:
+    """More than the numbers that are computed at once, and no multiple of them."""
+    effects = make_effects({"steering_lag": 0.06, "aero_drag": 1.0})
+    model, rng = EffectsStepModel(PARAMETERS, effects), np.random.default_rng(0)
+    rows = rng.integers(0, len(X), 21)
+    x, u, u_next, curvature = with_internal_states(effects)[rows], U[rows], U_NEXT[rows], CURVATURE[rows]
+    x[:, 1] += rng.uniform(-1.0, 1.0, len(x))
+    together = model.step(x, u, u_next, curvature)
+    alone = [model.step(x[i : i + 1], u[i : i + 1], u_next[i : i + 1], curvature[i : i + 1])[0] for i in range(len(x))]
+    np.testing.assert_array_equal(together, alone)
 
 
 @pytest.mark.parametrize("name", ["steering_delay", "road_grade", "gyro_bias", "sensor_latency"])

@@ -231,7 +231,7 @@ def test_a_delay_of_the_steering_is_identified_and_planned_with_as_a_lag(
     lags = car.effects._replace(steering_delay=0.0, steering_lag=car.effects.steering_lag + car.effects.steering_delay)
     x, u = np.array([[0.5, 11.0, -0.5, 16.0, 0.1, 0.02]]), np.array([[-0.1, 150.0]])
     x = np.hstack([x, car.step_model().settled(x[0, :4], u[0])[None]])
-    expected = EffectsStepModel(car.vehicle, lags, exact=False).step(x, u, 1.2 * u, np.zeros(1))
+    expected = EffectsStepModel(car.vehicle, lags).step(x, u, 1.2 * u, np.zeros(1))
     np.testing.assert_array_equal(car.step_model().step(x, u, 1.2 * u, np.zeros(1)), expected)
 
 

@@ -295,16 +295,8 @@ def attempt(f: Array, hessian: Array, gx: Array, gu: Array, penalty: Array, targ
             length = _bound_steps(rows, step, condensed, constant, multipliers, margin, values, centre, slack_step,
                                   margin_step, multiplier_step)  # fmt: skip
             if predictor:
-                _centred(
-                    multipliers,
-                    margin,
-                    length,
-                    margin_step,
-                    multiplier_step,
-                    complementarity,
-                    FLOOR * tolerance,
-                    centre,
-                )
+                _centred(multipliers, margin, length, margin_step, multiplier_step, complementarity, FLOOR * tolerance,
+                         centre)  # fmt: skip
         costates(p, q, step, next_costate)
         length = min(1.0, TO_THE_BOUNDARY * length)
         for k in range(count + 1):

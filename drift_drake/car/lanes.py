@@ -171,7 +171,7 @@ ELEMENTARY = {name: _function(of) for name, of in (("sin", _sin), ("cos", _cos),
 """By the name of the function of one number."""
 
 
-def _arithmetic(operation: Any, instruction: str) -> None:
+def _arithmetic(operation: Any, compute: Callable[[Any, Any, Any], Any]) -> None:
     """Has compiled code take LANES numbers, or a number for each of them, on either side of an operator."""
     pairs = [(lanes, lanes), (lanes, types.float64), (types.float64, lanes)]
 
@@ -181,17 +181,19 @@ def _arithmetic(operation: Any, instruction: str) -> None:
 
     def lowered(_context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
         first, second = arguments
-        if instruction == "fdiv" and second.type != DOUBLES:  # a number's reciprocal is taken once
+        if operation is operator.truediv and second.type != DOUBLES:  # a number's reciprocal is taken once
             return builder.fmul(first, _vector(builder, builder.fdiv(ir.Constant(second.type, 1.0), second)))
-        return getattr(builder, instruction)(_vector(builder, first), _vector(builder, second))
+        return compute(builder, _vector(builder, first), _vector(builder, second))
 
     for pair in pairs:
         lower_builtin(operation, *pair)(lowered)
 
 
-for _operation, _instruction in ((operator.add, "fadd"), (operator.sub, "fsub"), (operator.mul, "fmul"),
-                                 (operator.truediv, "fdiv")):  # fmt: skip
-    _arithmetic(_operation, _instruction)
+_arithmetic(operator.add, lambda builder, a, b: builder.fadd(a, b))
+_arithmetic(operator.sub, lambda builder, a, b: builder.fsub(a, b))
+_arithmetic(operator.mul, lambda builder, a, b: builder.fmul(a, b))
+_arithmetic(operator.truediv, lambda builder, a, b: builder.fdiv(a, b))
+_arithmetic(operator.pow, lambda builder, a, b: builder.call(_llvm(builder, "pow", 2), [a, b]))
 
 
 @infer_global(operator.neg)
@@ -269,6 +271,9 @@ def _store_lanes(_context, array, index, value):  # type: ignore[no-untyped-def]
         return context.get_dummy_value()
 
     return types.void(array, index, value), lowered
+
+
+overload(abs)(lambda x: (lambda x: select_lanes(x, 0.0, -x, x)) if x is lanes else None)
 
 
 # The four as functions, which plain Python computes on arrays of LANES numbers.

@@ -36,6 +36,7 @@ def _arithmetic(x: Array, y: Array, out: Array) -> None:
     store_lanes(out, 3, scalar.maximum(a, 0.0) + scalar.minimum(1.0, b) + scalar.absolute(a))
     store_lanes(out, 4, scalar.select(0.0, 1.0, a, b))
     store_lanes(out, 5, 7.0)
+    store_lanes(out, 6, a**2 + abs(b) ** 0.5 + 2.0**a)
 
 
 @compiled
@@ -69,12 +70,13 @@ def test_ends_and_what_is_no_number() -> None:
 
 
 def test_arithmetic_takes_a_number_for_all_lanes() -> None:
-    rng, out = np.random.default_rng(1), np.empty(6 * LANES)
+    rng, out = np.random.default_rng(1), np.empty(7 * LANES)
     a, b = rng.normal(size=(2, LANES))
     _arithmetic(a, b, out)
     expected = [2.0 * a - b / 3.0 + 1, -(a / b) + 1.0 / b - 4.0, np.where(a < b, a, 0.5),
-                np.maximum(a, 0.0) + np.minimum(1.0, b) + np.abs(a), a, np.full(LANES, 7.0)]  # fmt: skip
-    np.testing.assert_allclose(out.reshape(6, LANES), expected, rtol=1e-14, atol=1e-15)
+                np.maximum(a, 0.0) + np.minimum(1.0, b) + np.abs(a), a, np.full(LANES, 7.0),
+                a**2 + np.abs(b) ** 0.5 + 2.0**a]  # fmt: skip
+    np.testing.assert_allclose(out.reshape(7, LANES), expected, rtol=1e-14, atol=1e-15)
 
 
 def test_cars_side_by_side_move_as_each_alone() -> None:

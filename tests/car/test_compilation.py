@@ -1,5 +1,6 @@
 """Compiled functions: processes that need one at the same time compile it once; which caches are stale."""
 
+import ast
 import json
 import os
 import subprocess
@@ -31,6 +32,35 @@ sys.stdin.readline()
 outer(0.5)
 print(sum(outer.stats.cache_misses.values()), sum(inner.stats.cache_misses.values()), outer(0.5))
 """
+
+
+def compiled_functions():
+    """(file, tree) of each function that is compiled."""
+    for file in PACKAGE.rglob("*.py"):
+        for function in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+            marks = [getattr(mark, "id", "") for mark in getattr(function, "decorator_list", [])]
+            if {"compiled", "jitable", "inlined"} & set(marks):
+                yield file, function
+
+
+def is_slice(target):
+    return isinstance(target, ast.Subscript) and any(isinstance(part, ast.Slice) for part in ast.walk(target.slice))
+
+
+def test_no_compiled_function_assigns_an_array_to_a_slice():
+    """It brings numba's message for two sizes with it, which takes seconds to compile: `copied` takes its place."""
+    found, seen = [], 0
+    for file, function in compiled_functions():
+        seen += 1
+        for node in ast.walk(function):
+            pairs = [(target, node.value) for target in node.targets] if isinstance(node, ast.Assign) else []
+            for target, value in pairs:
+                both = isinstance(target, ast.Tuple) and isinstance(value, ast.Tuple)
+                for one, of in zip(target.elts, value.elts, strict=True) if both else [(target, value)]:
+                    if is_slice(one) and not isinstance(of, ast.Constant):
+                        found.append(f"{file.name}, {function.name}: {ast.unparse(node)}")
+    assert seen > 100
+    assert not found
 
 
 def test_two_processes_compile_a_function_once(tmp_path):

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from drift_drake.car.compilation import compiled
+from drift_drake.car.compilation import compiled, copied
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.car.step_model import StepModel
 from drift_drake.common.arrays import Array
@@ -263,7 +263,8 @@ def shifted(primal: Array, horizon: int, steps: float, given: Array) -> Array:
             for i in range(size):
                 out[first + size * k + i] = (1.0 - part) * primal[here + i] + part * primal[here + size + i]
         first += size * (horizon + 1)
-    out[:n], out[n * (horizon + 1) : n * (horizon + 1) + 2] = given[:n], given[n:]
+    copied(given[:n], out[:n])
+    copied(given[n:], out[n * (horizon + 1) : n * (horizon + 1) + 2])
     return out
 
 

@@ -209,14 +209,14 @@ def _actuated(bank: Any, state: Any, j: Any, delta: Any, torque: Any) -> Any:
     effects = Effects(*fixed_tuple(bank.effects[j], COUNT))
     step = bank.period / STAGES
     _late(state.commands, 0, bank.delays[j, 0], delta)
-    delta[:] = road_wheel(delta, effects)
+    copied(road_wheel(delta, effects), delta)
     _late(state.commands, 1, bank.delays[j, 1], torque)
     if effects.steering_rate_limit > 0.0:
-        delta[:] = limited_steering(delta, state.actuators[j, 0], step, effects)
+        copied(limited_steering(delta, state.actuators[j, 0], step, effects), delta)
     elif effects.steering_lag > 0.0:
-        delta[:] = first_order_lag(delta, state.actuators[j, 0], step, effects.steering_lag)
+        copied(first_order_lag(delta, state.actuators[j, 0], step, effects.steering_lag), delta)
     if effects.torque_lag > 0.0:
-        torque[:] = first_order_lag(torque, state.actuators[j, 1], step, effects.torque_lag)
+        copied(first_order_lag(torque, state.actuators[j, 1], step, effects.torque_lag), torque)
     state.actuators[j, 0], state.actuators[j, 1] = delta[-1], torque[-1]
 
 

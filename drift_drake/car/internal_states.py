@@ -43,6 +43,15 @@ def check_one_step(effects: Effects) -> None:
         raise ValueError(f"{', '.join(beyond)} cannot be part of a one-step model; leave it out")
 
 
+def check_states(x: Array, model: StepModel) -> None:
+    """Raises a ValueError where states [N, n] are without a model's own, which compiled code would read beyond."""
+    own = model.internal_scale.size
+    if x.shape[1:] != (6 + own,):
+        raise ValueError(
+            f"states have the shape {x.shape}; give {6 + own} columns: the six, then the model's own {own} (`settled`)"
+        )
+
+
 class RememberingStepModel(StepModel, Protocol):
     """A step model of n = 6 + m states: a car of `effects`, whose further states an observer follows."""
 

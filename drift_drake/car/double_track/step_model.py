@@ -22,7 +22,7 @@ from drift_drake.car.double_track.motion import (
 from drift_drake.car.double_track.parameters import DoubleTrackConstants, DoubleTrackParameters
 from drift_drake.car.effects.magnitudes import Effects
 from drift_drake.car.integrate import paths
-from drift_drake.car.internal_states import RememberingStepModel, check_one_step
+from drift_drake.car.internal_states import RememberingStepModel, check_one_step, check_states
 from drift_drake.car.lanes import LANES, load_lanes, multiply_add, store_lanes
 from drift_drake.car.scalar import jitable, loaded_tuple, stored
 from drift_drake.car.single_track.motion import path_rates
@@ -69,11 +69,13 @@ class DoubleTrackStepModel(RememberingStepModel):
         return DoubleTrackStepModel(self.parameters, effects)
 
     def step(self, x: Array, u: Array, u_next: Array, curvature: Array) -> Array:
+        check_states(x, self)
         path = np.empty((1, *x.shape))
         _paths(*contiguous(x, u, u_next, curvature), self.constants, self.effects, STEP, self.substeps, path)
         return path[0]
 
     def linearize(self, x: Array, u: Array, u_next: Array, curvature: Array) -> tuple[Array, Array, Array, Array]:
+        check_states(x, self)
         path, sensitivity = np.empty((self.substeps, *x.shape)), np.empty((len(x), SIZE, SIZE + 4))
         x, u, u_next, curvature = contiguous(x, u, u_next, curvature)
         car = (self.constants, self.effects, STEP)

@@ -14,7 +14,7 @@ from drift_drake.car.compilation import compiled
 from drift_drake.car.effects.catalogue import PARAMETRIC
 from drift_drake.car.effects.magnitudes import INSTALLED_STATES, INTERNAL_COUNT, Effects, InternalStates
 from drift_drake.car.integrate import paths
-from drift_drake.car.internal_states import RememberingStepModel, check_one_step
+from drift_drake.car.internal_states import RememberingStepModel, check_one_step, check_states
 from drift_drake.car.parameters import Constants, VehicleParameters
 from drift_drake.car.scalar import jitable, loaded_tuple, stored
 from drift_drake.car.single_track.motion import path_rates
@@ -47,11 +47,12 @@ class EffectsStepModel(RememberingStepModel):
         parameters: the car without effects; effects: magnitudes; dt: of a step [s].
 
     Raises:
-        ValueError: such an effect.
+        ValueError: such an effect; states without the model's own.
 
     Examples:
         >>> believed = EffectsStepModel(car, make_effects({"aero_drag": 1.0}))
-        >>> believed.step(x, u, u, np.zeros(1)).shape
+        >>> own = believed.settled(x[0, :4], u[0])
+        >>> believed.step(np.append(x, [own], axis=1), u, u, np.zeros(1))[:, :6].shape
         (1, 6)
     """
 
@@ -105,6 +106,7 @@ class EffectsStepModel(RememberingStepModel):
 
     def _after(self, duration: float, substeps: int, x: Array, u: Array, u_next: Array, curvature: Array) -> Array:
         """The states [N, n] a duration [s] later."""
+        check_states(x, self)
         path = np.empty((1, *x.shape))
         _paths(*contiguous(x, u, u_next, curvature), self.constants, self.effects, duration, substeps, path)
         return path[0]

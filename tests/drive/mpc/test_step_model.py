@@ -85,6 +85,11 @@ def test_effects_that_are_off_leave_the_nominal_step(drag: float) -> None:
         np.testing.assert_allclose(jacobian[:, :6, : wanted.shape[2]], wanted, rtol=0, atol=2e-6)
 
 
+def test_states_without_the_models_own_are_refused() -> None:
+    with pytest.raises(ValueError, match="give 14 columns: the six, then the model's own 8"):
+        EffectsStepModel(PARAMETERS, make_effects({"aero_drag": 1.0})).step(X, U, U_NEXT, CURVATURE)
+
+
 def test_many_stages_are_stepped_as_each_alone() -> None:
     """More than the numbers that are computed at once, and no multiple of them."""
     effects = make_effects({"steering_lag": 0.06, "aero_drag": 1.0})

@@ -197,7 +197,7 @@ def linearise(
     for j in range(CORRECTED):
         if j == 5 or j == 6 or (j == 4 and not graded) or (j >= 7 and not relaxed):
             continue
-        probe[j] = z[j] + DIFFERENCE
+        probe[j] = z[j] + (DIFFERENCE if z[j] >= 0.0 else -DIFFERENCE)  # a mirrored motion's is the mirrored Jacobian
         moved = probe[j] - z[j]
         for i, rate in enumerate(state_rates(probe, delta, torque, constants, effects, 0.0, 0.0, 0.0)):
             jacobian[i, j] = rate / moved

@@ -40,7 +40,7 @@ MOST_SPLITS, MOST_SQUARINGS = 15, 8
 MIN_FILTER_SPEED = (
     0.6  # [m/s] at which estimated speeds are held, either way: the slips' floors are no model of standstill
 )
-DIFFERENCE = 1e-7  # of a state, in its own unit
+DIFFERENCE = 1e-4  # of a state, in its own unit
 
 
 @jitable
@@ -187,22 +187,19 @@ def linearise(
     probe: Any,
     jacobian: Any,
 ) -> Any:
-    """Jacobian [SIZE + 2, 9] of the rates and accelerations by the corrected states, by forward differences, good to a
-    millionth; `probe` [SIZE] is scratch."""
+    """Jacobian [SIZE + 2, 9] of the rates and accelerations by the corrected states, by central differences: a mirrored
+    motion has the mirrored one. `probe` [SIZE] is scratch."""
     for j in range(CORRECTED):
         for i in range(SIZE + 2):
             jacobian[i, j] = 0.0
-    here = state_rates(z, delta, torque, constants, effects, 0.0, 0.0, 0.0)
     copied(z, probe)
     for j in range(CORRECTED):
         if j == 5 or j == 6 or (j == 4 and not graded) or (j >= 7 and not relaxed):
             continue
-        probe[j] = z[j] + (DIFFERENCE if z[j] >= 0.0 else -DIFFERENCE)  # a mirrored motion's is the mirrored Jacobian
-        moved = probe[j] - z[j]
-        for i, rate in enumerate(state_rates(probe, delta, torque, constants, effects, 0.0, 0.0, 0.0)):
-            jacobian[i, j] = rate / moved
-        for i, rate in enumerate(here):
-            jacobian[i, j] -= rate / moved
+        for moved in (DIFFERENCE, -DIFFERENCE):
+            probe[j] = z[j] + moved
+            for i, rate in enumerate(state_rates(probe, delta, torque, constants, effects, 0.0, 0.0, 0.0)):
+                jacobian[i, j] += rate / (2.0 * moved)
         probe[j] = z[j]
     course = z[4] + z[2]
     if not graded:

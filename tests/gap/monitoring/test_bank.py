@@ -26,7 +26,7 @@ def test_the_first_car_is_the_estimators_filter(changed_run, commands):
     bank = filters.make_bank([], VEHICLE, Effects(), run.period, problem.noise**2, PROCESS_NOISE**2)
     found = innovations_of(bank, run.y, run.used, commands)[:, 0]
     expected = filter_case(problem, np.zeros(problem.nuisances), ()).innovations[0][1:]
-    np.testing.assert_allclose(found, expected, rtol=1e-6, atol=1e-7)  # its Jacobians are differences, of rounded rates
+    np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-9)
 
 
 @pytest.mark.parametrize("name", ["steering_delay", "steering_lag", "steering_rate_limit", "torque_lag",

@@ -68,8 +68,7 @@ def paths(rates: Callable[..., Any], x: Any, u: Any, u_next: Any, curvature: Any
         _gathered(x, first, z)
         _gathered(u, first, inputs[0])
         _gathered(u_next, first, inputs[1])
-        for lane in range(LANES):
-            inputs[2, lane] = curvature[min(first + lane, len(x) - 1)]
+        _gathered(curvature.reshape(-1, 1), first, inputs[2])
         start = load_lanes(inputs[0], 0), load_lanes(inputs[0], 1)
         end = load_lanes(inputs[1], 0), load_lanes(inputs[1], 1)
         here = load_lanes(inputs[2], 0), car[0], car[1]

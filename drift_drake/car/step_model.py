@@ -64,14 +64,19 @@ class StepModel(Protocol):
         sizes = np.concatenate(
             [DIFFERENCE, INTERNAL_DIFFERENCE * self.internal_scale, INPUT_DIFFERENCE, INPUT_DIFFERENCE]
         )
-        shifts = np.concatenate([np.diag(sizes), np.diag(-sizes)])[:, None]
-        points = (np.concatenate([x, u, u_next], axis=1) + shifts).reshape(-1, n + 4)
-        ends = self.step(
-            points[:, :n], points[:, n : n + 2], points[:, n + 2 :], np.tile(curvature, 2 * (n + 4))
-        ).reshape(2, n + 4, -1, n)
-        jacobian = np.moveaxis((ends[0] - ends[1]) / (2.0 * sizes[:, None, None]), 0, 2)
+        ends = self.stepped(
+            x, u, u_next, curvature, np.concatenate([np.diag(sizes), np.diag(-sizes), np.zeros((1, n + 4))])
+        )
+        jacobian = np.moveaxis((ends[: n + 4] - ends[n + 4 : -1]) / (2.0 * sizes[:, None, None]), 0, 2)
         by_x, by_u, by_u_next = np.split(jacobian, [n, n + 2], axis=2)
-        return self.step(x, u, u_next, curvature), by_x, by_u, by_u_next
+        return ends[-1], by_x, by_u, by_u_next
+
+    def stepped(self, x: Array, u: Array, u_next: Array, curvature: Array, shifts: Array) -> Array:
+        """The states [M, N, n] after (x, u, u_next) moved by each of the shifts [M, n+4], all at once."""
+        n = x.shape[1]
+        points = (np.concatenate([x, u, u_next], axis=1) + shifts[:, None]).reshape(-1, n + 4)
+        ends = self.step(points[:, :n], points[:, n : n + 2], points[:, n + 2 :], np.tile(curvature, len(shifts)))
+        return ends.reshape(len(shifts), -1, n)
 
     def with_theta(self, theta: Array) -> "StepModel":  # noqa: ARG002 (a model with parameters needs them)
         """The model with parameters theta [k] in place of its own, of a model that has any.

@@ -113,10 +113,11 @@ class DoubleTrackStepModel(RememberingStepModel):
 
 
 @jitable
-def path_motion(x: Any, delta: Any, tau: Any, curvature: Any, p: DoubleTrackConstants, q: Effects,
-                out: Any) -> None:  # fmt: skip
-    """Writes the states' rates under the commands delta [rad] and tau [N m], on a path of this curvature [1/m]; where
-    commands are `lanes`, those of that many cars."""
+def _rates(x: Any, command: Any, car: Any, out: Any) -> None:
+    """Writes the states' rates under the commands (delta [rad], tau [N m]); where these are `lanes`, of that many cars.
+    car: the path's curvature [1/m], constants, effects."""
+    curvature, p, q = car
+    delta, tau = command
     r, v, beta, omega_r, e, dphi = loaded_tuple(x, 0, 6, delta)
     m, d = double_track_motion(r, v, beta, omega_r, 0.0, own_states(x, 6, delta), delta, tau, p, q)
     e_dot, dphi_dot, _ = path_rates(r, v, m.beta_dot, e, dphi, curvature)
@@ -124,12 +125,6 @@ def path_motion(x: Any, delta: Any, tau: Any, curvature: Any, p: DoubleTrackCons
         stored(out, i, rate)
     for i, rate in enumerate(d):
         stored(out, 6 + i, rate)
-
-
-@jitable
-def _rates(x: Any, command: Any, car: Any, out: Any) -> None:
-    curvature, p, q = car
-    path_motion(x, command[0], command[1], curvature, p, q, out)
 
 
 @compiled
@@ -142,7 +137,7 @@ def _linearized(x: Array, command: Array, curvature: float, p: DoubleTrackConsta
             value = x[i] if i < SIZE else command[i - SIZE]
             for lane in range(LANES):
                 z[i * LANES + lane] = value + (DIFFERENCES[i] if i == first + lane else 0.0)
-        path_motion(z, load_lanes(z, SIZE), load_lanes(z, SIZE + 1), curvature, p, q, out)
+        _rates(z, (load_lanes(z, SIZE), load_lanes(z, SIZE + 1)), (curvature, p, q), out)
         for i in range(SIZE):
             for lane in range(LANES):
                 rates[i, first + lane] = out[i * LANES + lane]
@@ -198,7 +193,7 @@ def _find_filled(jacobian: Array, filled: NDArray[np.int64], count: NDArray[np.i
 def _propagate(s: Array, further: Array, jacobian: Array, filled: NDArray[np.int64], count: NDArray[np.int64], h: float,
                share: float) -> None:  # fmt: skip
     """S and the inputs' rows below it [21 rows, flat], h [s] and a share of the inputs' way later: Runge-Kutta's sum
-    for constant A and B, s + h A (s + h/2 A (s + h/3 A (s + h/4 A s)))."""
+    for constant A and B, s + h A (s + h/2 A (s + h/3 A (s + h/4 A s))). A row is of COLUMNS / LANES = 3 lanes."""
     before = s
     for order in range(4, 0, -1):
         after = further[order % 2]

@@ -94,13 +94,8 @@ class EffectsStepModel(RememberingStepModel):
     def linearize(self, x: Array, u: Array, u_next: Array, curvature: Array) -> tuple[Array, Array, Array, Array]:
         if self._parametric:
             return self._linearize_parametric(x, u, u_next, curvature)
-        z, n = np.concatenate([x, u, u_next], axis=1), STATE_SIZE
-        points = np.tile(z, (n + 5, 1, 1))
-        for j, difference in enumerate(DIFFERENCES):
-            points[j, :, j] += difference
-        points = points.reshape(-1, n + 4)
-        ends = self.step(points[:, :n], points[:, n : n + 2], points[:, n + 2 :], np.tile(curvature, n + 5))
-        ends = ends.reshape(n + 5, len(x), n)
+        n, shifts = STATE_SIZE, np.vstack([np.diag(DIFFERENCES), np.zeros(STATE_SIZE + 4)])
+        ends = self.stepped(x, u, u_next, curvature, shifts)
         jacobian = np.ascontiguousarray(np.moveaxis((ends[:-1] - ends[-1]) / DIFFERENCES[:, None, None], 0, 2))
         return ends[-1], jacobian[:, :, :n], jacobian[:, :, n : n + 2], jacobian[:, :, n + 2 :]
 

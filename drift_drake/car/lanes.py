@@ -222,6 +222,18 @@ def select_lanes(_context, a, b, if_less, otherwise):  # type: ignore[no-untyped
 
 
 @intrinsic
+def any_there(_context, x):  # type: ignore[no-untyped-def]
+    """Whether a lane differs from zero."""
+
+    def lowered(_context, builder, _signature, arguments):  # type: ignore[no-untyped-def]
+        there = builder.fcmp_unordered("!=", arguments[0], ir.Constant(DOUBLES, [0.0] * LANES))
+        bits = ir.IntType(LANES)
+        return builder.icmp_unsigned("!=", builder.bitcast(there, bits), ir.Constant(bits, 0))
+
+    return types.boolean(x), lowered
+
+
+@intrinsic
 def _multiply_add(_context, factor, x, added):  # type: ignore[no-untyped-def]
     def lowered(_context, builder, _signature, arguments):  # type: ignore[no-untyped-def]
         return builder.call(_llvm(builder, "fmuladd", 3), [_vector(builder, value) for value in arguments])

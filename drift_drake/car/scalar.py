@@ -14,7 +14,16 @@ from numba.extending import overload, register_jitable
 from numba.np.unsafe.ndarray import to_fixed_tuple
 from pydrake.symbolic import Expression, if_then_else
 
-from drift_drake.car.lanes import ELEMENTARY, lanes, load_lanes_tuple, select_lanes, store_lanes
+from drift_drake.car.lanes import (
+    ELEMENTARY,
+    LANES,
+    any_there,
+    lanes,
+    load_lanes,
+    load_lanes_tuple,
+    select_lanes,
+    store_lanes,
+)
 
 STANDSTILL = 0.1  # [m/s] below which a car counts as standing
 
@@ -97,6 +106,30 @@ def _loaded_tuple(values, first, count, like):  # type: ignore[no-untyped-def]  
     return lambda values, first, count, like: to_fixed_tuple(values[first:], count)  # noqa: ARG005
 
 
+def loaded(values: Any, index: Any, like: Any) -> Any:
+    """One of what `loaded_tuple` reads; its index need not be a constant."""
+    return load_lanes(values, index) if np.ndim(like) == 1 and np.ndim(values) == 1 else values[index]
+
+
+@overload(loaded, jit_options={"forceinline": True})
+def _loaded(values, index, like):  # type: ignore[no-untyped-def]  # noqa: ARG001 (numba matches signatures)
+    if like is lanes:
+        return lambda values, index, like: load_lanes(values, index)  # noqa: ARG005
+    return lambda values, index, like: values[index]  # noqa: ARG005
+
+
+def length(values: Any, like: Any) -> int:
+    """How many there are of what `loaded` reads."""
+    return len(values) // LANES if np.ndim(like) == 1 and np.ndim(values) == 1 else len(values)
+
+
+@overload(length, jit_options={"forceinline": True})
+def _length(values, like):  # type: ignore[no-untyped-def]  # noqa: ARG001 (numba matches signatures)
+    if like is lanes:
+        return lambda values, like: len(values) // LANES  # noqa: ARG005
+    return lambda values, like: len(values)  # noqa: ARG005
+
+
 def stored(values: Any, index: int, value: Any) -> None:
     """Writes one of what `loaded_tuple` reads."""
     if np.ndim(value) == 1 and np.ndim(values) == 1:
@@ -156,6 +189,16 @@ def norm2(x: Any, y: Any) -> Any:
     return sqrt(x * x + y * y + 1e-18)
 
 
+def anywhere(x: Any) -> bool:
+    """Whether a number, or one of LANES, differs from zero."""
+    return bool(np.any(x))
+
+
+@overload(anywhere)
+def _anywhere(x):  # type: ignore[no-untyped-def]
+    return (lambda x: any_there(x)) if x is lanes else (lambda x: x != 0.0)
+
+
 def switched(factor: Any, function: Any, x: Any) -> Any:
     """factor * function(x), of which compiled code leaves the function out where the factor is zero."""
     return factor * function(x)
@@ -163,4 +206,4 @@ def switched(factor: Any, function: Any, x: Any) -> Any:
 
 @overload(switched)
 def _switched(factor, function, x):  # type: ignore[no-untyped-def]  # noqa: ARG001 (numba matches signatures)
-    return lambda factor, function, x: factor * function(x) if factor != 0.0 else factor * (0.0 * x)
+    return lambda factor, function, x: factor * function(x) if anywhere(factor) else factor * (0.0 * x)

@@ -69,10 +69,10 @@ def run_identify(command: Identify) -> None:
     logs = [path for folder in command.logs for path in case_paths(folder)]
     try_outputs(outputs, [command.vehicle, *logs])
     with ended_at_once():
-        from drift_drake.gap.estimation.filter import filter_run
+        from drift_drake.gap.estimation.filtered import filter_in_lanes
         from drift_drake.gap.identification.identify import identify
     if not isinstance(first, SimulatorCar):
-        say_if_it_compiles(filter_run, "the filter")
+        say_if_it_compiles(filter_in_lanes, "the filter")
     with progress_bar(command.quiet) as show:
         found = identify(
             command.logs, command.vehicle, known=command.known, effects=command.effects, criterion=command.criterion,

@@ -21,7 +21,10 @@ from drift_drake.common.run_folder import machine
 from drift_drake.common.threads import one_blas_thread
 from drift_drake.drive.learnt.checkpoint import load_model
 from drift_drake.drive.learnt.quality import step_model
-from drift_drake.gap.estimation.problem import filter_case, make_problem, observe_case
+from drift_drake.gap.estimation.filtered import filter_case
+from drift_drake.gap.estimation.make_problem import make_problem
+from drift_drake.gap.estimation.observed import observe_case
+from drift_drake.gap.estimation.variants import Variant
 from drift_drake.gap.estimation.windows import HORIZONS, STRIDE, errors, windowed
 from experiments.benchmarks.compiled_cases import make_case
 from experiments.benchmarks.truths import Truth
@@ -74,7 +77,9 @@ def kinds(seed: int) -> dict[str, Kind]:
     predicted = sum(len(run.starts) for run in windows)
     return {
         "filter over a run": Kind(len(runs), lasting, lambda: filter_case(problem, theta, names)),
-        "innovations of a run": Kind(len(runs), lasting, lambda: observe_case(problem, gains, theta, names)),
+        "innovations of a run": Kind(
+            len(runs), lasting, lambda: observe_case(problem, gains, [Variant(theta, names)])[0]
+        ),
         "prediction from a window": Kind(predicted, AHEAD, lambda: errors(windows, constants, effects)),
         "the learnt model's prediction": Kind(STARTS, AHEAD, learnt),
         "the car alone in Drake": Kind(1, lasting, lambda: car_alone(lasting, seed)),

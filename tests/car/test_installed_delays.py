@@ -16,7 +16,8 @@ from experiments.benchmarks import compiled_cases
 from experiments.benchmarks.compiled_cases import simulate_run
 from experiments.benchmarks.drivers import Driver
 from experiments.benchmarks.truths import Truth
-from drift_drake.gap.estimation.problem import filter_case, make_problem
+from drift_drake.gap.estimation.filtered import filter_case
+from drift_drake.gap.estimation.make_problem import make_problem
 from drift_drake.gap.estimation.windows import run_errors, windowed
 
 car, late = VehicleParameters(), 0.043

@@ -18,7 +18,8 @@ import numpy as np
 from drift_drake import CATALOGUE, Effects, NoiseLevels, Run, VehicleParameters, VehiclePlant, make_effects
 from drift_drake.drive.mpc.discrimination import RivalsStepModel
 from drift_drake.car.single_track.effects_step import EffectsStepModel
-from drift_drake.gap.estimation.problem import filter_case, make_problem
+from drift_drake.gap.estimation.filtered import filter_case
+from drift_drake.gap.estimation.make_problem import make_problem
 from drift_drake.car.double_track.parameters import CARS
 from drift_drake.car.double_track.plant import DoubleTrackPlant
 from drift_drake.car.effects.magnitudes import measured, unbiased

@@ -17,8 +17,10 @@ from drift_drake.car.log.table import COLUMNS, Run
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.gap.diagnosis.likelihood.search import search
 from drift_drake.gap.estimation.filter_state import CHANNELS
+from drift_drake.gap.estimation.filtered import filter_case
 from drift_drake.gap.estimation.fit import cost_of
-from drift_drake.gap.estimation.problem import NUISANCES, Problem, filter_case, make_problem
+from drift_drake.gap.estimation.make_problem import make_problem
+from drift_drake.gap.estimation.problem import NUISANCES, Problem
 from drift_drake.gap.evidence.posterior import make_posterior, read_constants
 from drift_drake.gap.logs.wording.conversion import MIRRORED
 from experiments.benchmarks.compiled_cases import make_case

@@ -8,7 +8,7 @@ from drift_drake.car.effects import changed
 from drift_drake.car.effects.catalogue import CATALOGUE, PARAMETRIC
 from drift_drake.car.effects.magnitudes import INTERNAL_COUNT, Effects, InternalStates
 from drift_drake.car.parameters import Constants
-from drift_drake.car.scalar import fixed_tuple, jitable
+from drift_drake.car.scalar import absolute, fixed_tuple, jitable, maximum
 from drift_drake.car.single_track.motion import MIN_SLIP_SPEED
 from drift_drake.car.single_track.motion_with_effects import (
     changed_constants,
@@ -55,7 +55,7 @@ def wheel_rate(omega_r: Any, constants: Any, effects: Any) -> Any:
     """Rate [1/s] at which the driven rim settles in grip."""
     p = changed_constants(constants, effects)
     stiffness = changed.longitudinal_stiffness(p.rear_stiffness + p.front_coupling * p.front_stiffness, effects)
-    return stiffness * p.wheel_radius**2 / (p.rear_axle_inertia * max(abs(omega_r), MIN_SLIP_SPEED))
+    return stiffness * p.wheel_radius**2 / (p.rear_axle_inertia * maximum(absolute(omega_r), MIN_SLIP_SPEED))
 
 
 @jitable

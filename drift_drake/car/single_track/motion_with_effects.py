@@ -196,5 +196,6 @@ def settled_internal_states(
     _, sigma_front = front_slip(v_x, v_y, omega_r, p.front_coupling)
     settled = (steering + zero, tau + zero, sigma_front + zero, sigma_rear + zero, zero, zero)
     internal = InternalStates(*(settled + (zero, zero) + starts))  # noqa: RUF005 (for numba)
-    motion, _ = motion_with_effects(r, v, beta, omega_r, psi, internal, delta, tau, nominal, q)
+    motion, _ = motion_with_effects(r, v, beta, omega_r, psi + zero, internal, delta + zero, tau + zero, nominal, q,
+                                    zero, zero, zero)  # fmt: skip
     return InternalStates(*(settled + (motion.a_x, motion.a_y) + starts))  # noqa: RUF005 (for numba)

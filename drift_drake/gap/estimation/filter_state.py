@@ -6,11 +6,11 @@ of `CHANNELS`.
 
 The commands are known exactly, so that what actuators make of them is computed once, ahead of the filter, on the grid
 of times that its Runge-Kutta stages use (`car.actuated`).
+
+Where magnitudes of effects are given as `LANES` numbers each, so are a car's constants, and arrays hold as many cars.
 """
 
 from typing import Any
-
-import numpy as np
 
 from drift_drake.car.actuated import STAGES
 from drift_drake.car.compilation import compiled, copied
@@ -20,7 +20,20 @@ from drift_drake.car.effects.magnitudes import (
     unbiased,
 )
 from drift_drake.car.integrate import runge_kutta
-from drift_drake.car.scalar import cos, fixed_tuple, jitable, signed_floor, sin
+from drift_drake.car.scalar import (
+    anywhere,
+    cos,
+    jitable,
+    length,
+    loaded,
+    loaded_tuple,
+    maximum,
+    minimum,
+    select,
+    signed_floor,
+    sin,
+    stored,
+)
 from drift_drake.car.single_track.equations import HELD, wheel_rate
 from drift_drake.car.single_track.motion_with_effects import (
     motion_with_effects,
@@ -48,43 +61,21 @@ def state_rates(
     z: Any, delta: Any, torque: Any, constants: Any, effects: Any, force_x: Any, force_y: Any, moment: Any
 ) -> Any:
     """Rates of z and the body acceleration (a_x, a_y)."""
-    zero = 0.0 * z[0]
-    internal = InternalStates(*((zero, zero) + fixed_tuple(z[7:], HELD)))  # noqa: RUF005 (for numba)
-    motion, rates = motion_with_effects(
-        z[0],
-        z[1],
-        z[2],
-        z[3],
-        z[4],
-        internal,
-        delta + zero,
-        torque + zero,
-        constants,
-        effects,
-        force_x,
-        force_y,
-        moment,
-    )
-    course = z[4] + z[2]
-    return (
-        motion.r_dot,
-        motion.v_dot,
-        motion.beta_dot,
-        motion.omega_r_dot,
-        z[0],
-        z[1] * cos(course),
-        z[1] * sin(course),
-        *rates[2:],
-        motion.a_x,
-        motion.a_y,
-    )
+    r, v, beta, omega_r, psi = loaded_tuple(z, 0, 5, effects[0])
+    zero = 0.0 * r
+    internal = InternalStates(*((zero, zero) + loaded_tuple(z, 7, HELD, effects[0])))  # noqa: RUF005 (for numba)
+    motion, rates = motion_with_effects(r, v, beta, omega_r, psi, internal, delta + zero, torque + zero, constants,
+                                        effects, force_x, force_y, moment)  # fmt: skip
+    course = psi + beta
+    along = motion.r_dot, motion.v_dot, motion.beta_dot, motion.omega_r_dot, r, v * cos(course), v * sin(course)
+    return along + rates[2:] + (motion.a_x, motion.a_y)
 
 
 @jitable
 def rates_of(z: Any, delta: Any, torque: Any, constants: Any, effects: Any, wrench: Any, out: Any) -> Any:
     rates = state_rates(z, delta, torque, constants, effects, wrench[0], wrench[1], wrench[2])
     for i, rate in enumerate(rates):
-        out[i] = rate
+        stored(out, i, rate)
 
 
 @jitable
@@ -92,24 +83,26 @@ def _rates(z: Any, command: Any, car: Any, out: Any) -> Any:
     rates_of(z, command[0], command[1], car[0], car[1], car[2], out)
 
 
-@compiled
-def between(values: Any, place: Any) -> Any:
-    """Linear between the grid's points; `place` counts them."""
-    i = min(int(place), len(values) - 2)
-    return values[i] + (place - i) * (values[i + 1] - values[i])
+@jitable
+def _between(values: Any, i: Any, share: Any, like: Any) -> Any:
+    """Linear between one of an array's numbers and the next."""
+    here = loaded(values, i, like)
+    return here + share * (loaded(values, i + 1, like) - here)
 
 
 @jitable
-def commanded(delta: Any, torque: Any, place: Any) -> Any:
+def commanded(delta: Any, torque: Any, place: Any, like: Any = 0.0) -> Any:
     """Both commands at a place of their grid."""
-    return between(delta, place), between(torque, place)
+    i = min(int(place), length(delta, like) - 2)
+    return _between(delta, i, place - i, like), _between(torque, i, place - i, like)
 
 
 @jitable
-def hold_speeds(z: Any) -> None:
+def hold_speeds(z: Any, like: Any = 0.0) -> None:
     """Holds an estimated speed from standstill, and its rim from turning against it, in place."""
-    z[1] = signed_floor(z[1], MIN_FILTER_SPEED)
-    z[3] = max(z[3], 0.0) if z[1] > 0.0 else min(z[3], 0.0)
+    v, omega_r = signed_floor(loaded(z, 1, like), MIN_FILTER_SPEED), loaded(z, 3, like)
+    stored(z, 1, v)
+    stored(z, 3, select(0.0, v, maximum(omega_r, 0.0), minimum(omega_r, 0.0)))
 
 
 @jitable
@@ -130,9 +123,10 @@ def filter_step(
 
     k [SIZE + 2] and w [2, SIZE] are scratch.
     """
-    first, middle = commanded(delta, torque, at), commanded(delta, torque, 0.5 * (at + end))
-    runge_kutta(_rates, z, first, middle, commanded(delta, torque, end), h, (constants, effects, wrench), k, w)
-    hold_speeds(z)
+    first, middle = commanded(delta, torque, at, effects[0]), commanded(delta, torque, 0.5 * (at + end), effects[0])
+    last = commanded(delta, torque, end, effects[0])
+    runge_kutta(_rates, z, first, middle, last, h, (constants, effects, wrench), k, w)
+    hold_speeds(z, effects[0])
 
 
 @compiled
@@ -144,8 +138,11 @@ def advance_row(
 
     The steps are split where the driven rim of a light axle settles faster than they could follow.
     """
-    step = period / substeps
-    splits = min(int(step * wheel_rate(z[3], constants, effects) / STABLE), MOST_SPLITS) + 1
+    step, fastest = period / substeps, 0.0
+    stored(k, 0, wheel_rate(loaded(z, 3, effects[0]), constants, effects))
+    for car in range(len(z) // SIZE):
+        fastest = max(fastest, k[car])
+    splits = int(min(step * fastest / STABLE, float(MOST_SPLITS))) + 1
     h, stages = step / splits, STAGES / (substeps * splits)
     for substep in range(substeps * splits):
         at = STAGES * row + stages * substep
@@ -153,92 +150,92 @@ def advance_row(
 
 
 @compiled
-def first_state(y: Any, first: Any, used: Any, delta: Any, torque: Any, constants: Any, effects: Any, z: Any) -> Any:
-    """The filter's first state: what its first row measures, sensors' biases taken out, and settled effects."""
-    r, v, beta, omega_r = unbiased(y[first, 0], y[first, 1], y[first, 2], y[first, 3], effects)
-    z[0] = r
-    z[1] = signed_floor(v, MIN_FILTER_SPEED)
-    z[2] = beta if used[2] else y[first, 2]
-    z[3] = omega_r if used[3] else z[1]
-    for i in range(3):
-        z[4 + i] = y[first, 6 + i] if used[6 + i] else 0.0
-    at = STAGES * first
-    internal = settled_internal_states(z[0], z[1], z[2], z[3], delta[at], torque[at], constants, effects)
-    for i, state in enumerate(internal[2:]):
-        z[7 + i] = state
+def first_state(y: Any, used: Any, delta: Any, torque: Any, constants: Any, effects: Any, z: Any) -> Any:
+    """The filter's first state: what its first row measures, sensors' biases taken out, and settled effects.
+
+    Args:
+        y: measurement [9]; delta, torque: the commands there.
+    """
+    raw = loaded_tuple(y, 0, MEASURED, effects[0])
+    r, v, beta, omega_r = unbiased(raw[0], raw[1], raw[2], raw[3], effects)
+    v = signed_floor(v, MIN_FILTER_SPEED)
+    beta, omega_r = beta if used[2] else raw[2] + 0.0 * beta, omega_r if used[3] else v
+    zero = 0.0 * r
+    place = raw[6] if used[6] else zero, raw[7] if used[7] else zero, raw[8] if used[8] else zero
+    start = (r, v, beta, omega_r) + place  # noqa: RUF005 (for numba)
+    settled = settled_internal_states(r, v, beta, omega_r, delta, torque, constants, effects)
+    for i, state in enumerate(start + settled[2:]):
+        stored(z, i, state)
 
 
 @compiled
 def predict_measurement(z: Any, a_x: Any, a_y: Any, effects: Any, out: Any) -> Any:
-    out[0], out[1], out[2], out[3] = measured(z[0], z[1], z[2], z[3], effects)
-    out[4], out[5] = a_x, a_y
-    out[6], out[7], out[8] = z[4], z[5], z[6]
+    r, v, beta, omega_r, psi, x, y = loaded_tuple(z, 0, 7, effects[0])
+    for i, value in enumerate(measured(r, v, beta, omega_r, effects) + (a_x, a_y, psi, x, y)):  # noqa: RUF005 (for numba)
+        stored(out, i, value)
 
 
 @compiled
 def linearise(
-    z: Any,
-    delta: Any,
-    torque: Any,
-    constants: Any,
-    effects: Any,
-    relaxed: Any,
-    graded: Any,
-    probe: Any,
-    jacobian: Any,
-) -> Any:
+    z: Any, delta: Any, torque: Any, constants: Any, effects: Any, relaxed: Any, graded: Any, probe: Any, jacobian: Any
+) -> Any:  # fmt: skip
     """Jacobian [SIZE + 2, 9] of the rates and accelerations by the corrected states, by central differences: a mirrored
     motion has the mirrored one. `probe` [SIZE] is scratch."""
-    for j in range(CORRECTED):
-        for i in range(SIZE + 2):
-            jacobian[i, j] = 0.0
+    like, zero = effects[0], 0.0 * effects[0]
+    jacobian[:] = 0.0
     copied(z, probe)
     for j in range(CORRECTED):
         if j == 5 or j == 6 or (j == 4 and not graded) or (j >= 7 and not relaxed):
             continue
+        here = loaded(z, j, like)
         for moved in (DIFFERENCE, -DIFFERENCE):
-            probe[j] = z[j] + moved
-            for i, rate in enumerate(state_rates(probe, delta, torque, constants, effects, 0.0, 0.0, 0.0)):
-                jacobian[i, j] += rate / (2.0 * moved)
-        probe[j] = z[j]
-    course = z[4] + z[2]
+            stored(probe, j, here + moved)
+            for i, rate in enumerate(state_rates(probe, delta, torque, constants, effects, zero, zero, zero)):
+                stored(jacobian[i], j, loaded(jacobian[i], j, like) + rate / (2.0 * moved))
+        stored(probe, j, here)
     if not graded:
-        jacobian[5, 4] = -z[1] * np.sin(course)
-        jacobian[6, 4] = z[1] * np.cos(course)
+        v, course = loaded(z, 1, like), loaded(z, 4, like) + loaded(z, 2, like)
+        stored(jacobian[5], 4, -v * sin(course))
+        stored(jacobian[6], 4, v * cos(course))
 
 
 @compiled
-def transition(jacobian: Any, period: Any, n: Any, f: Any, power: Any, scratch: Any) -> Any:
+def transition(jacobian: Any, period: Any, n: Any, f: Any, power: Any, scratch: Any, like: Any) -> Any:
     """exp(A period) to fourth order, A the first n rows and columns of the Jacobian.
 
     Where the rim settles too fast for that, of a part of the period, and squared back to the whole.
     """
-    by = n if n > UNRELAXED else FREE
-    squarings = 0
-    while -jacobian[3, 3] * period > STABLE and squarings < MOST_SQUARINGS:
-        period *= 0.5
-        squarings += 1
+    by, one = n if n > UNRELAXED else FREE, 1.0 + 0.0 * like
+    part, halvings = period * one, 0.0 * like
+    for _ in range(MOST_SQUARINGS):
+        fast = select(STABLE, -loaded(jacobian[3], 3, like) * part, one, 0.0)
+        part, halvings = part * (1.0 - 0.5 * fast), halvings + fast
     for i in range(n):
         for j in range(n):
-            f[i, j] = 1.0 if i == j else 0.0
-            power[i, j] = f[i, j]
+            stored(f[i], j, one if i == j else 0.0 * like)
+            stored(power[i], j, loaded(f[i], j, like))
     for order in range(1, 5):
         for i in range(n):
             for j in range(by):
-                total = 0.0
-                for m in range(by):
-                    total += jacobian[i, m] * power[m, j]
-                scratch[i, j] = total * period / order
+                total = loaded(jacobian[i], 0, like) * loaded(power[0], j, like)
+                for m in range(1, by):
+                    total = total + loaded(jacobian[i], m, like) * loaded(power[m], j, like)
+                stored(scratch[i], j, total * part / order)
         for i in range(n):
             for j in range(by):
-                power[i, j] = scratch[i, j]
-                f[i, j] += power[i, j]
-    for _ in range(squarings):
+                term = loaded(scratch[i], j, like)
+                stored(power[i], j, term)
+                stored(f[i], j, loaded(f[i], j, like) + term)
+    for squaring in range(MOST_SQUARINGS):
+        more = select(squaring * one, halvings, one, 0.0)
+        if not anywhere(more):
+            break
         for i in range(n):
             for j in range(n):
-                total = 0.0
-                for m in range(n):
-                    total += f[i, m] * f[m, j]
-                power[i, j] = total
+                total = loaded(f[i], 0, like) * loaded(f[0], j, like)
+                for m in range(1, n):
+                    total = total + loaded(f[i], m, like) * loaded(f[m], j, like)
+                stored(power[i], j, select(0.0, more, total, loaded(f[i], j, like)))
         for i in range(n):
-            copied(power[i], f[i])
+            for j in range(n):
+                stored(f[i], j, loaded(power[i], j, like))

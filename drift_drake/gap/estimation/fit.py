@@ -10,6 +10,8 @@ from scipy.special import log_ndtr
 from drift_drake.car.effects.catalogue import LIMITS, REFERENCE
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.gap.estimation.filter_state import SUBSTEPS
+from drift_drake.gap.estimation.filtered import filter_case
+from drift_drake.gap.estimation.observed import observe_case, observe_each
 from drift_drake.gap.estimation.prior import bounds, is_gap, log_density, scale
 from drift_drake.gap.estimation.problem import (
     NUISANCES,
@@ -20,12 +22,10 @@ from drift_drake.gap.estimation.problem import (
     Problem,
     car,
     counted,
-    filter_case,
     flat,
-    observe,
-    observe_case,
     run_commands,
 )
+from drift_drake.gap.estimation.variants import Variant
 
 MAGNITUDE_STEP = 2e-3  # of a magnitude's scale
 LEAST_SHARE = 0.1  # of a constant of the vehicle file
@@ -156,36 +156,40 @@ def run_sensitivity(
     ]
     columns = [*shared, *starts, *range(problem.nuisances, len(theta))]
     run, effects, high = problem.runs[index], car(problem, theta, names)[1], parameter_limits(problem, names)[1]
-    substeps = 1 if round(run.period, 6) <= MOST_COARSE and effects.tyre_relaxation == 0.0 else SUBSTEPS
     commands = run_commands(problem, index, theta, effects)
-    base = observe(problem, gains, theta, names, index, substeps=substeps, commands=commands)
-    moved = np.empty((np.sum(run.counted), np.sum(run.used), len(columns)))
-    for k, column in enumerate(columns):
-        there, step = _moved(problem, theta, names, column, high)
-        same = commands if column < LIMITER else None  # a deviation of the car
-        e = observe(problem, gains, there, names, index, substeps=substeps, commands=same)
-        moved[:, :, k] = counted(problem, run, (e - base) / step)
-    return moved.reshape(-1, len(columns)), np.array(columns)
+    there, steps = zip(*(moved(problem, theta, names, column, high) for column in columns), strict=True)
+    variants = [Variant(theta, names, commands=commands)]
+    for column, at in zip(columns, there, strict=True):  # the first are deviations of the car, behind its actuators
+        variants.append(Variant(at, names, commands=commands if column < LIMITER else None))
+    e = observe_each(problem, gains, index, variants, substeps=enough_steps(problem, theta, names))
+    by = (e[1:] - e[0]) / np.array(steps)[:, None, None]
+    return counted(problem, run, np.moveaxis(by, 0, -1)).reshape(-1, len(columns)), np.array(columns)
 
 
-def last_derivative(
-    problem: Problem, gains: Gains, theta: np.ndarray, names: Sequence[str], e: np.ndarray
-) -> np.ndarray:
-    """The same by the last parameter [count], from the innovations at theta [count]."""
-    there, step = _moved(problem, theta, names, len(theta) - 1, parameter_limits(problem, names)[1])
-    return (observe_case(problem, gains, there, names) - e) / step
+def enough_steps(problem: Problem, theta: np.ndarray, names: Sequence[str]) -> int:
+    """Runge-Kutta steps a row that derivatives take."""
+    fine = all(round(run.period, 6) <= MOST_COARSE for run in problem.runs)
+    return 1 if fine and car(problem, theta, names)[1].tyre_relaxation == 0.0 else SUBSTEPS
 
 
-def _moved(
+def last_derivative(problem: Problem, gains: Gains, theta: np.ndarray, names: Sequence[str]) -> np.ndarray:
+    """The same by the last parameter [count]."""
+    there, step = moved(problem, theta, names, len(theta) - 1, parameter_limits(problem, names)[1])
+    ends = [Variant(theta, names), Variant(there, names)]
+    e = observe_case(problem, gains, ends, enough_steps(problem, theta, names))
+    return np.asarray((e[1] - e[0]) / step)
+
+
+def moved(
     problem: Problem, theta: np.ndarray, names: Sequence[str], column: int, high: np.ndarray
 ) -> tuple[np.ndarray, float]:
     """Parameters a step further in one of them, within its bound `high`, and the step."""
     first = problem.nuisances
     step = problem.step if column < first else MAGNITUDE_STEP * problem.unit_of(names[column - first])
     step = step if theta[column] + step <= high[column] else -step
-    moved = theta.copy()
-    moved[column] += step
-    return moved, step
+    there = theta.copy()
+    there[column] += step
+    return there, step
 
 
 def prior_precision(problem: Problem, count: int) -> np.ndarray:

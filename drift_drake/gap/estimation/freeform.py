@@ -8,36 +8,37 @@ functions are the ceiling of what a free-form model reaches.
 """
 
 import dataclasses
-import itertools
 from collections.abc import Iterator
 from typing import Protocol
 
 import numpy as np
 
 from drift_drake.car.effects.catalogue import REFERENCE, wheelbase
+from drift_drake.car.lanes import LANES
 from drift_drake.car.single_track.motion import MIN_SLIP_SPEED
 from drift_drake.gap.estimation.filter_state import CHANNELS
+from drift_drake.gap.estimation.filtered import filter_case
 from drift_drake.gap.estimation.fit import no_effects, prior_precision, run_sensitivity
+from drift_drake.gap.estimation.observed import NO_STATE, filtered_states, observe_each
 from drift_drake.gap.estimation.problem import (
-    NO_STATE,
     Gains,
     ModelDiscrepancy,
     Problem,
     car,
     counted,
-    filter_case,
-    filtered_states,
     first_row,
     flat,
-    observe,
+    run_commands,
 )
 from drift_drake.gap.estimation.regression import SENSORS, Regression, Responses, equations, regress
+from drift_drake.gap.estimation.variants import Variant
 
 FUNCTIONS = 20  # of the state, and the commands (`state_functions`)
 FORCE_CHANNELS = ("body longitudinal force", "body lateral force", "yaw moment", "axle torque")
 FORCE_UNIT = 100.0  # [N] or [N m] that weights are in, of the reference car; by weight and size of others
 PULSE = 0.5  # [s] width of a pulse
 MOST_PULSES = 40  # in one run
+TOGETHER = LANES // len(FORCE_CHANNELS)  # shapes, in all channels
 COARSE = 10.0  # factor on the process noise's deviation with which hypotheses are screened and predictions start
 STEP = 1e-3  # of the forces, for their linear trace: where the logs do not feel one, its weight may be anything
 
@@ -119,33 +120,33 @@ def forced(
     """
     run, units, base = problem.runs[index], force_units(problem), gains.innovations[index]
     out = np.empty((counted(problem, run, base).size, len(FORCE_CHANNELS) * shapes.shape[1]))
-    for column, (channel, shape) in enumerate(itertools.product(range(len(FORCE_CHANNELS)), shapes.T)):
-        wrench = np.zeros((len(base), 3))
-        torque = None
-        if channel < 3:
-            wrench[:, channel] = units[channel] * shape
-        else:
-            torque = units[channel] / problem.nominal.gear_ratio * shape
-        since = int(np.argmax(shape != 0.0)) - 1
+    commands = run_commands(problem, index, fit.theta, car(problem, fit.theta, fit.names)[1])
+    pushed = Variant(fit.theta, fit.names, commands=commands)
+    for first in range(0, shapes.shape[1], TOGETHER):
+        some, variants = shapes[:, first : first + TOGETHER], list[Variant]()
+        for channel in range(3):
+            wrenches = np.zeros((some.shape[1], len(base), 3))
+            wrenches[:, :, channel] = units[channel] * some.T
+            variants += [pushed._replace(wrench=wrench) for wrench in wrenches]
+        for torque in units[3] / problem.nominal.gear_ratio * some.T:
+            variants.append(pushed._replace(extra_torque=torque))
+        since = int(np.argmax(some.any(axis=1))) - 1
         since, known = (since, states[since]) if since > first_row(run, fit.names) else (0, NO_STATE)
-        e = observe(problem, gains, fit.theta, fit.names, index, wrench, torque, since=since, known=known)
-        change = np.zeros_like(base)
-        change[since + 1 :] = e[1:] - base[since + 1 :]
-        out[:, column] = counted(problem, run, change).ravel()
+        e = observe_each(problem, gains, index, variants, since, known)
+        change = np.zeros((*base.shape, len(variants)))
+        change[since + 1 :] = np.moveaxis(e[:, 1:] - base[since + 1 :], 0, -1)
+        columns = (np.arange(len(FORCE_CHANNELS))[:, None] * shapes.shape[1] + first + np.arange(some.shape[1])).ravel()
+        out[:, columns] = counted(problem, run, change).reshape(-1, len(variants))
     return out
 
 
 def offset_responses(problem: Problem, gains: Gains, fit: Fitted, index: int, base: np.ndarray) -> np.ndarray:
     """The same [count, channels in use] by constant offsets of the sensors, in noise levels."""
     run = problem.runs[index]
-    out = []
-    for channel in np.flatnonzero(run.used):
-        y = run.y.copy()
-        y[:, channel] += problem.noise[channel]
-        moved = problem.replace(runs=[*problem.runs[:index], dataclasses.replace(run, y=y), *problem.runs[index + 1 :]])
-        e = observe(moved, gains, fit.theta, fit.names, index)
-        out.append(counted(problem, run, e - base).ravel())
-    return np.stack(out, axis=-1)
+    offsets = np.diag(problem.noise)[run.used]
+    variants = [Variant(fit.theta, fit.names, y=run.y + offset) for offset in offsets]
+    e = observe_each(problem, gains, index, variants) - base
+    return counted(problem, run, np.moveaxis(e, 0, -1)).reshape(-1, len(variants))
 
 
 def responses(problem: Problem, fit: Fitted, kind: str) -> Iterator[Responses]:
@@ -223,10 +224,9 @@ def traced(problem: Problem) -> Problem:
         for name, offset in discrepancy.offsets.items():
             channel = CHANNELS.index(name)
             y[:, channel] += STEP * offset * problem.noise[channel] * run.used[channel]
-        moved = problem.replace(runs=[*bare[:i], dataclasses.replace(run, y=y), *bare[i + 1 :]])
         torque = forces[:, 3] / problem.nominal.gear_ratio
-        e = observe(moved, gains, nominal.theta, nominal.names, i, wrench=forces[:, :3].copy(), extra_torque=torque)
-        traces.append((e - gains.innovations[i]) / STEP)
+        variant = Variant(nominal.theta, nominal.names, forces[:, :3].copy(), torque, y)
+        traces.append((observe_each(problem, gains, i, [variant])[0] - gains.innovations[i]) / STEP)
     runs = [dataclasses.replace(run, trace=trace) for run, trace in zip(bare, traces, strict=True)]
     return problem.replace(runs=runs)
 

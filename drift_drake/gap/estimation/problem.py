@@ -11,16 +11,12 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from drift_drake.car.actuated import STAGES, actuated, without_actuators
+from drift_drake.car.actuated import actuated
 from drift_drake.car.effects.catalogue import CATALOGUE
 from drift_drake.car.effects.magnitudes import Effects, combined
-from drift_drake.car.log.table import Run
 from drift_drake.car.parameters import RELATIVE, Constants, VehicleParameters
-from drift_drake.car.road import NO_WRENCH, on_road, with_bank
-from drift_drake.gap.estimation.filter import filter_run, observe_run
-from drift_drake.gap.estimation.filter_state import CHANNELS, CORRECTED, FILTER_STATES, MEASURED, SIZE, SUBSTEPS
 from drift_drake.gap.estimation.prior import bounds, scale
-from drift_drake.gap.estimation.run_data import RunData, first_sideslip, noise_levels, prepare_run
+from drift_drake.gap.estimation.run_data import RunData
 
 NUISANCES = (
     "mass",
@@ -46,18 +42,12 @@ START_MATTERS = tuple(  # effects under which the commands before the first row 
     frozenset(name for name, info in CATALOGUE.items() if command in (*info.remembers, info.delays))
     for command in ("delta_cmd", "tau_cmd")
 )
-FIRST_SIDESLIPS = tuple(float(b) for b in np.linspace(-0.8, 0.8, 17))  # [rad] that are tried where nothing tells it
-TRIAL_TIME = 1.0  # [s] over which they are judged, and which does not count afterwards
-WORST_INNOVATION = 1e4  # squares at which an innovation is capped in that judgement
 LATE_START = 0.2  # [s] that a filter of late sensors waits: the first rows may be held, not measured
 # Late sensors are an early clock of the commands as well.
 WAITED_FOR = frozenset(name for name, info in CATALOGUE.items() if info.late or info.hastens)
 # Process noise of a car that is modelled well: standard deviation per root second of each filter state.
 PROCESS_NOISE = np.array([9e-4, 3e-3, 4.5e-4, 9e-3, 3e-5, 3e-4, 3e-4, 3e-4, 3e-4])
-FED_RIM = 2.0  # [m/s per root s] that the rim speed wanders by where no torque is logged
 FED_INERTIA = 1e9  # factor on the rear axle's inertia then: no torque turns it, the measurement alone
-NO_ROWS = np.empty((0, SIZE))
-NO_STATE = np.empty(0)
 
 Commands = tuple[np.ndarray, np.ndarray]  # steering [rad] and torque [N m] on the stages' grid
 
@@ -139,57 +129,6 @@ def tolerance_deviations(vehicle: VehicleParameters) -> np.ndarray:
     return np.array([stated[name] for name in NUISANCES[:-2]] + [stated["wheel_radius"], LIMITER_DEVIATION])
 
 
-def make_problem(
-    runs: Sequence[Run],
-    vehicle: VehicleParameters,
-    process_scale: float = 1.0,
-    noise_scale: float = 1.0,
-    stated: Mapping[str, float] | None = None,
-    own: Effects = Effects(),
-    tempering: float = 1.0,
-) -> Problem:
-    """Runs and vehicle as the estimator wants them; noise levels are estimated here.
-
-    `process_scale` multiplies the process noise: above one for cars that no single-track model follows closely.
-    `noise_scale` multiplies the sensors' noise: above one where it is not white. `stated` are levels of channels that
-    are known otherwise (an import's); the larger of the two counts. `own` are effects of the vehicle file. `tempering`
-    is the likelihood's exponent: below one where innovations hang together, as `identify` finds it.
-    """
-    data = [prepare_run(run) for run in runs]
-    process = (PROCESS_NOISE * process_scale) ** 2
-    fed = any(run.tau_cmd is None for run in runs)
-    if fed:
-        process[FILTER_STATES.index("omega_r")] = FED_RIM**2
-    known = np.array([(stated or {}).get(name, 0.0) for name in CHANNELS])
-    noise = noise_scale * np.maximum(noise_levels(data), known)
-    tolerance = tolerance_deviations(vehicle)
-    problem = Problem(data, vehicle, vehicle.constants(), tolerance, noise, process, rim_fed=fed, own=own,
-                      tempering=tempering)  # fmt: skip
-    return problem.replace(runs=[started(problem, i, run) for i, run in enumerate(runs)])
-
-
-def started(problem: Problem, index: int, run: Run) -> RunData:
-    """A run whose first sideslip, where no column tells it, is the one that the nominal car's filter likes best."""
-    data = problem.runs[index]
-    if run.beta is not None or first_sideslip(run) is not None:
-        return data
-    rows = min(round(TRIAL_TIME / run.period), len(run))
-    trials = []
-    for sideslip in FIRST_SIDESLIPS:
-        y = data.y[:rows].copy()
-        y[:, CHANNELS.index("beta")] = sideslip
-        trial = dataclasses.replace(
-            data, y=y, delta=data.delta[:rows], tau=data.tau[:rows], counted=np.arange(rows) > 0
-        )
-        alone = problem.replace(runs=[trial])
-        e = filter_case(alone, np.zeros(alone.nuisances), ()).innovations[0]
-        trials.append((float(np.sum(np.minimum(e**2, WORST_INNOVATION))), sideslip))
-    y = data.y.copy()
-    y[:, CHANNELS.index("beta")] = min(trials, key=lambda trial: trial[0])[1]
-    counted = data.counted & (np.arange(len(y)) * run.period >= TRIAL_TIME)
-    return dataclasses.replace(data, y=y, counted=counted)
-
-
 def car(problem: Problem, theta: np.ndarray, names: Sequence[str]) -> tuple[Constants, Effects]:
     """Constants and effects of a parameter vector under a hypothesis' effects."""
     n = dict(zip(NUISANCES, (float(d) for d in theta[: len(NUISANCES)] * problem.tolerance), strict=True))
@@ -228,69 +167,6 @@ def run_commands(problem: Problem, index: int, theta: np.ndarray, effects: Effec
     return actuated(run.delta, run.tau, before, run.period, effects)
 
 
-def filter_case(problem: Problem, theta: np.ndarray, names: Sequence[str]) -> Gains:
-    """The full filter over all runs: innovations with gains that fit these parameters."""
-    constants, effects = car(problem, theta, names)
-    gains, whitenings, innovations, logdet = [], [], [], 0.0
-    for i, run in enumerate(problem.runs):
-        rows = len(run.y)
-        e, k = np.empty((rows, MEASURED)), np.empty((rows, CORRECTED, MEASURED))
-        w = np.empty((rows, MEASURED, MEASURED))
-        delta, torque = run_commands(problem, i, theta, effects)
-        dynamic, banked = on_road(run.bank, constants.mass, constants.gravity, without_actuators(effects))
-        filter_run(
-            run.y, first_row(run, names), run.used, delta, torque, run.period, constants, dynamic,
-            problem.noise**2, problem.process, banked, e, k, w,
-        )  # fmt: skip
-        # The whitening matrices are inverse Cholesky factors of the innovations' covariances; zero where the filter has
-        # lost the car, whose innovations are no numbers then.
-        with np.errstate(divide="ignore"):
-            logdet -= 2.0 * float(np.sum(np.log(np.diagonal(w[run.counted], axis1=1, axis2=2))))
-        if run.trace is not None:
-            e += run.trace
-        gains.append(k)
-        whitenings.append(w)
-        innovations.append(e)
-    return Gains(gains, whitenings, Filtered(innovations, problem.tempering * logdet))
-
-
-def observe(
-    problem: Problem, gains: Gains, theta: np.ndarray, names: Sequence[str], index: int,
-    wrench: np.ndarray = NO_WRENCH, extra_torque: np.ndarray | None = None, states: np.ndarray = NO_ROWS,
-    since: int = 0, known: np.ndarray = NO_STATE, substeps: int = SUBSTEPS, commands: Commands | None = None,
-) -> np.ndarray:  # fmt: skip
-    """Whitened innovations [rows, 9] of one run under frozen gains.
-
-    Args:
-        wrench: further force and moment on the body [rows, 3]; extra_torque: on the engine [N m], one a row;
-        states: filled with the corrected states, if it has a row for each of the run's;
-        since, known: row that it starts from, and the corrected state [SIZE] there; innovations are those from it on,
-            the first zero.
-        substeps: Runge-Kutta steps a row; commands: what `run_commands` gives, if that is known.
-    """
-    run = problem.runs[index]
-    constants, effects = car(problem, theta, names)
-    delta, torque = commands or run_commands(problem, index, theta, effects)
-    if extra_torque is not None:
-        grid = np.arange(len(torque)) / STAGES
-        torque = torque + np.interp(grid, np.arange(len(extra_torque)), extra_torque)
-    dynamic, banked = on_road(run.bank, constants.mass, constants.gravity, without_actuators(effects))
-    e = np.empty((len(run.y) - since, MEASURED))
-    observe_run(
-        run.y[since:], max(first_row(run, names) - since, 0), run.used, delta[STAGES * since :],
-        torque[STAGES * since :], run.period, substeps, constants, dynamic, with_bank(wrench, banked)[since:],
-        gains.gain[index][since:], gains.whitening[index][since:], e, states, known,
-    )  # fmt: skip
-    return e if run.trace is None else e + run.trace[since:]
-
-
-def filtered_states(problem: Problem, gains: Gains, theta: np.ndarray, names: Sequence[str], index: int) -> np.ndarray:
-    """Corrected states [rows, SIZE] of one run under frozen gains."""
-    states = np.empty((len(problem.runs[index].y), SIZE))
-    observe(problem, gains, theta, names, index, states=states)
-    return states
-
-
 def flat(problem: Problem, innovations: Sequence[np.ndarray]) -> np.ndarray:
     """Innovations that count, of all runs in a row [count], such that half their squares are weighted nats."""
     return np.concatenate([counted(problem, run, e).ravel() for run, e in zip(problem.runs, innovations, strict=True)])
@@ -299,8 +175,3 @@ def flat(problem: Problem, innovations: Sequence[np.ndarray]) -> np.ndarray:
 def counted(problem: Problem, run: RunData, innovations: np.ndarray) -> np.ndarray:
     """Rows and channels of one run's innovations [rows, 9, ...] that count, times the exponent's root."""
     return np.asarray(np.sqrt(problem.tempering) * innovations[run.counted][:, run.used])
-
-
-def observe_case(problem: Problem, gains: Gains, theta: np.ndarray, names: Sequence[str]) -> np.ndarray:
-    """Whitened innovations that count, of all runs [count], under frozen gains."""
-    return flat(problem, [observe(problem, gains, theta, names, i) for i in range(len(problem.runs))])

@@ -2,19 +2,18 @@
 
 import dataclasses
 from collections.abc import Iterator, Sequence
-from typing import Any
 
 import numpy as np
 
-from drift_drake.car.actuated import STAGES, without_actuators
-from drift_drake.car.compilation import compiled, copied
-from drift_drake.car.road import on_road
-from drift_drake.gap.estimation.filter_state import MEASURED, SIZE, SUBSTEPS, advance_row, predict_measurement, rates_of
+from drift_drake.gap.estimation.filtered import filter_case
 from drift_drake.gap.estimation.fit import Fit, minimise, sensitivity
 from drift_drake.gap.estimation.freeform import with_more_process_noise
-from drift_drake.gap.estimation.problem import Gains, Problem, car, filter_case, filtered_states, run_commands
+from drift_drake.gap.estimation.observed import filtered_states
+from drift_drake.gap.estimation.problem import Gains, Problem
 from drift_drake.gap.estimation.regression import Equations, Responses, equations, summed_equations
+from drift_drake.gap.estimation.roll_outs import roll_out
 from drift_drake.gap.estimation.run_data import RunData
+from drift_drake.gap.estimation.variants import Variant, ready
 
 STATES = ("r", "v", "beta", "omega_r")
 HORIZONS = (0.01, 0.1, 0.5, 2.0)  # [s]
@@ -31,41 +30,6 @@ def start_rows(run: RunData) -> np.ndarray:
     return np.ascontiguousarray(np.flatnonzero(run.counted)[::EVERY])
 
 
-@compiled
-def roll_out(
-    states: Any, starts: Any, steps: Any, delta: Any, torque: Any, period: Any, constants: Any, effects: Any,
-    wrenches: Any, out: Any,
-) -> Any:  # fmt: skip
-    """Predicted measurements out [starts, horizons, 9] at `steps` [horizons] rows after each start; NaN beyond the end.
-
-    Args:
-        states: filtered states [rows, SIZE]; the rest as in `filter.filter_run`.
-    """
-    rows = states.shape[0]
-    acting = wrenches.shape[0] == rows
-    z, k, w, wrench = np.zeros(SIZE), np.zeros(SIZE + 2), np.zeros((2, SIZE)), np.zeros(3)
-    predicted = np.zeros(MEASURED)
-    for s in range(len(starts)):
-        copied(states[starts[s]], z)
-        done = 0
-        for h in range(len(steps)):
-            end = starts[s] + steps[h]
-            if end >= rows:
-                out[s, h] = np.nan
-                continue
-            for row in range(starts[s] + done, end):
-                if acting:
-                    copied(wrenches[row], wrench)
-                advance_row(z, delta, torque, row, period, SUBSTEPS, constants, effects, wrench, k, w)
-            done = steps[h]
-            at = STAGES * end
-            if acting:
-                copied(wrenches[end], wrench)
-            rates_of(z, delta[at], torque[at], constants, effects, wrench, k)
-            predict_measurement(z, k[SIZE], k[SIZE + 1], effects, predicted)
-            copied(predicted, out[s, h])
-
-
 def predicted_ahead(
     problem: Problem,
     theta: np.ndarray,
@@ -76,14 +40,9 @@ def predicted_ahead(
     steps: np.ndarray,
 ) -> np.ndarray:
     """Measurements of one run that a hypothesis predicts from its own filter's states (`roll_out`)."""
-    run = problem.runs[index]
-    constants, effects = car(problem, theta, names)
     states = filtered_states(problem, gains, theta, names, index)
-    delta, torque = run_commands(problem, index, theta, effects)
-    out = np.empty((len(starts), len(steps), MEASURED))
-    dynamic, banked = on_road(run.bank, constants.mass, constants.gravity, without_actuators(effects))
-    roll_out(states, starts, steps, delta, torque, run.period, constants, dynamic, banked, out)
-    return out
+    given = ready(problem, index, Variant(theta, names))
+    return roll_out(given, problem.nominal.tyre, problem.runs[index].period, states, starts, steps)
 
 
 def prediction_squares(

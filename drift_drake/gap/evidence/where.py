@@ -6,8 +6,10 @@ from typing import Any
 
 import numpy as np
 
+from drift_drake.gap.estimation.filtered import filter_case
 from drift_drake.gap.estimation.freeform import FORCE_CHANNELS
-from drift_drake.gap.estimation.problem import Problem, filter_case, filtered_states
+from drift_drake.gap.estimation.observed import filtered_states
+from drift_drake.gap.estimation.problem import Problem
 from drift_drake.gap.estimation.reduction import HORIZONS, JUDGED, STATES, mean_squares, start_rows
 from drift_drake.gap.estimation.regression import Regression
 

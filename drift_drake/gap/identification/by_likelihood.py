@@ -11,8 +11,9 @@ from drift_drake.car.log.table import InvalidLogError, Run
 from drift_drake.car.parameters import Tolerance, VehicleParameters
 from drift_drake.common.standard_output import Progress
 from drift_drake.gap.estimation.fit import cost_of, parameter_limits
+from drift_drake.gap.estimation.make_problem import make_problem
 from drift_drake.gap.estimation.prior import TWO_SIDED, scale
-from drift_drake.gap.estimation.problem import NUISANCES, Problem, car, flat, make_problem
+from drift_drake.gap.estimation.problem import NUISANCES, Problem, car, flat
 from drift_drake.gap.estimation.usable import seen_effects
 from drift_drake.gap.identification import agreement
 from drift_drake.gap.identification.calibration import Calibration, Identification, Parameter, directions, tied

@@ -9,8 +9,10 @@ from drift_drake.car.effects.catalogue import CATALOGUE, wheelbase
 from drift_drake.car.effects.magnitudes import Effects
 from drift_drake.car.log.table import Run
 from drift_drake.car.parameters import InvalidVehicleError, VehicleParameters
+from drift_drake.gap.estimation.filtered import filter_case
 from drift_drake.gap.estimation.fit import Linearised, minimise, prior_precision
-from drift_drake.gap.estimation.problem import NUISANCES, TOLERANCES, Problem, filter_case, flat, make_problem
+from drift_drake.gap.estimation.make_problem import make_problem
+from drift_drake.gap.estimation.problem import NUISANCES, TOLERANCES, Problem, flat
 from drift_drake.gap.estimation.unknowns import BROAD
 
 PARAMETERS = NUISANCES[: TOLERANCES - 1]  # those of the vehicle itself; the rim speed's scale is the sensor's

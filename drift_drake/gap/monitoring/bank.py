@@ -165,14 +165,11 @@ def make_state(bank: Bank) -> BankState:
 def start_bank(y: Any, used: Any, command: Any, bank: Any, state: Any) -> Any:
     """Puts all cars into the measured state y [9] (`CHANNELS`; `used`: which are measured), settled at the command."""
     constants = Constants(*fixed_tuple(bank.constants, CONSTANTS))
-    delta, torque = np.empty(1), np.full(1, command[1])
-    rows = np.empty((1, MEASURED))
-    copied(y, rows[0])
     for j in range(len(state.z)):
         effects = Effects(*fixed_tuple(bank.dynamic[j], COUNT))
-        delta[0] = road_wheel(command[0], Effects(*fixed_tuple(bank.effects[j], COUNT)))
-        first_state(rows, 0, used, delta, torque, constants, effects, state.z[j])
-        state.actuators[j, 0], state.actuators[j, 1] = delta[0], torque[0]
+        delta = road_wheel(command[0], Effects(*fixed_tuple(bank.effects[j], COUNT)))
+        first_state(y, used, delta, command[1], constants, effects, state.z[j])
+        state.actuators[j, 0], state.actuators[j, 1] = delta, command[1]
     for row in range(len(state.commands)):
         copied(command, state.commands[row])
     state.p[:] = 0.0
@@ -226,13 +223,13 @@ def _row(y: Any, used: Any, command: Any, bank: Any, state: Any, innovations: An
     constants = Constants(*fixed_tuple(bank.constants, CONSTANTS))
     delta, torque, k, w = np.empty(STAGES + 1), np.empty(STAGES + 1), np.zeros(SIZE + 2), np.zeros((2, SIZE))
     f, t, scratch, s, low = np.zeros((n, n)), np.zeros((n, n)), np.zeros((n, n)), np.zeros((m, m)), np.zeros((m, m))
-    h, ph, gain, whitening = np.zeros((m, n)), np.zeros((n, m)), np.zeros((n, m)), np.zeros((m, m))
+    h, ph, gain, whitening = np.zeros((m, n)), np.zeros((m, n)), np.zeros((n, m)), np.zeros((m, m))
     predicted, nu = np.zeros(m), np.zeros(m)
     for row in range(len(state.commands) - 1):
         copied(state.commands[row + 1], state.commands[row])
     copied(command, state.commands[-1])
-    transition(state.jacobian, bank.period, n, f, t, scratch)
-    propagate(f, bank.process, bank.period, n, state.p, t)
+    transition(state.jacobian, bank.period, n, f, t, scratch, 0.0)
+    propagate(f, bank.process, bank.period, n, state.p, t, 0.0)
     for j in range(len(state.z)):
         effects, z = Effects(*fixed_tuple(bank.dynamic[j], COUNT)), state.z[j]
         _actuated(bank, state, j, delta, torque)
@@ -246,8 +243,8 @@ def _row(y: Any, used: Any, command: Any, bank: Any, state: Any, innovations: An
             measurement_matrix(effects, h)
             copied(state.jacobian[SIZE], h[4, :n])
             copied(state.jacobian[SIZE + 1], h[5, :n])
-            update_covariance(h, bank.noise, used, n, state.p, gain, whitening, ph, s, low, t, scratch)
-        correct(y, used, predicted, gain, whitening, nu, z, innovations[j])
+            update_covariance(h, bank.noise, used, n, state.p, gain, whitening, ph, s, low, t, 0.0)
+        correct(y, used, predicted, gain, whitening, nu, z, innovations[j], 0.0, 0.0)
 
 
 def advance_bank(y: np.ndarray, used: np.ndarray, command: np.ndarray, bank: Bank, state: BankState) -> np.ndarray:

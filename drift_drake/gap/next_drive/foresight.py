@@ -10,24 +10,17 @@ from drift_drake.car.actuated import without_actuators
 from drift_drake.car.effects.catalogue import CATALOGUE
 from drift_drake.car.effects.magnitudes import measured
 from drift_drake.car.parameters import VehicleParameters
-from drift_drake.car.road import NO_WRENCH
 from drift_drake.car.single_track.motion_with_effects import settled_internal_states
 from drift_drake.common.errors import one_line
 from drift_drake.gap.diagnosis.answers.answer import Answer, InvalidAnswerError, UnplannableError
 from drift_drake.gap.diagnosis.likelihood.beliefs import Belief, Sensing, beliefs_from_data
 from drift_drake.gap.estimation.filter_state import CHANNELS, MEASURED, SIZE
+from drift_drake.gap.estimation.filtered import filter_case
 from drift_drake.gap.estimation.fit import parameter_limits, sensitivity
-from drift_drake.gap.estimation.problem import (
-    NUISANCES,
-    Problem,
-    car,
-    filter_case,
-    flat,
-    run_commands,
-    tolerance_deviations,
-)
-from drift_drake.gap.estimation.reduction import roll_out
+from drift_drake.gap.estimation.problem import NUISANCES, Problem, car, flat, run_commands, tolerance_deviations
+from drift_drake.gap.estimation.roll_outs import roll_out
 from drift_drake.gap.estimation.run_data import SETTLING_TIME, RunData
+from drift_drake.gap.estimation.variants import Variant, ready
 
 LARGEST = 1e6  # of any number in beliefs, in parameters' own scales
 PERIOD = 0.01  # [s]
@@ -133,9 +126,8 @@ def readings(vehicle: VehicleParameters, sensing: Sensing, truth: Belief, drive:
     y = np.zeros((rows, MEASURED))
     y[0, :4] = measured(*states[0, :4], effects)
     y[0, CHANNELS.index("psi")] = drive.heading
-    after = np.empty((1, rows - 1, MEASURED))
-    roll_out(states, np.array([0]), np.arange(1, rows), delta, torque, PERIOD, constants, dynamic, NO_WRENCH, after)
-    y[1:] = after[0]
+    driven = ready(problem, 0, Variant(theta, truth.names))
+    y[1:] = roll_out(driven, problem.nominal.tyre, PERIOD, states, np.array([0]), np.arange(1, rows))[0]
     return y
 
 

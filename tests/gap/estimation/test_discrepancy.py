@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 
 from drift_drake.car.parameters import VehicleParameters
+from drift_drake.gap.estimation.filtered import filter_case
 from drift_drake.gap.estimation.freeform import FORCE_CHANNELS, FORCE_UNIT, applied, traced, with_more_process_noise
-from drift_drake.gap.estimation.problem import ModelDiscrepancy, filter_case, flat, make_problem
+from drift_drake.gap.estimation.make_problem import make_problem
+from drift_drake.gap.estimation.problem import ModelDiscrepancy, flat
 from experiments.benchmarks.compiled_cases import make_case
 from experiments.benchmarks.truths import Truth
 

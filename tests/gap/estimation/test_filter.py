@@ -4,7 +4,11 @@ import numpy as np
 import pytest
 
 from drift_drake.car.parameters import VehicleParameters
-from drift_drake.gap.estimation.problem import NUISANCES, filter_case, flat, make_problem, observe_case
+from drift_drake.gap.estimation.filtered import filter_case
+from drift_drake.gap.estimation.make_problem import make_problem
+from drift_drake.gap.estimation.observed import observe_case
+from drift_drake.gap.estimation.problem import NUISANCES, flat
+from drift_drake.gap.estimation.variants import Variant
 from drift_drake.gap.logs.noise import white_noise_level
 
 NAMES = ("rear_stiffness_error",)
@@ -47,7 +51,7 @@ def test_a_wrong_model_is_distinguished_from_the_right_one(true_model):
 def test_frozen_gains_repeat_the_filter(true_model):
     problem, theta, gains = true_model
     np.testing.assert_allclose(
-        observe_case(problem, gains, theta, NAMES), flat(problem, gains.innovations), rtol=1e-9, atol=1e-9
+        observe_case(problem, gains, [Variant(theta, NAMES)])[0], flat(problem, gains.innovations), rtol=1e-9, atol=1e-9
     )
 
 

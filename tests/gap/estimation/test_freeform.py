@@ -6,8 +6,12 @@ import numpy as np
 import pytest
 
 from drift_drake.car.parameters import VehicleParameters
+from drift_drake.gap.estimation.filtered import filter_case
 from drift_drake.gap.estimation.freeform import force_units, forced, misfit, pulses
-from drift_drake.gap.estimation.problem import counted, filter_case, filtered_states, make_problem, observe
+from drift_drake.gap.estimation.make_problem import make_problem
+from drift_drake.gap.estimation.observed import filtered_states, observe_each
+from drift_drake.gap.estimation.problem import counted
+from drift_drake.gap.estimation.variants import Variant
 from experiments.benchmarks.compiled_cases import make_case
 from experiments.benchmarks.truths import Truth
 from tests.gap.fits import fit
@@ -37,5 +41,5 @@ def test_a_force_is_rolled_out_from_where_it_begins_as_from_the_first_row(stiffn
     for column, shape in enumerate(shapes.T):
         wrench = np.zeros((len(shape), 3))
         wrench[:, 0] = force_units(problem)[0] * shape
-        change = observe(problem, gains, theta, (), 0, wrench=wrench) - gains.innovations[0]
+        change = observe_each(problem, gains, 0, [Variant(theta, (), wrench)])[0] - gains.innovations[0]
         np.testing.assert_array_equal(found[:, column], counted(problem, problem.runs[0], change).ravel())

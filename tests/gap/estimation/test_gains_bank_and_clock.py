@@ -15,9 +15,13 @@ from drift_drake.car.effects.magnitudes import Effects, make_effects
 from drift_drake.car.log.table import Run, read_run, write_run
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.car.single_track.motion import motion
-from drift_drake.gap.estimation.problem import PROCESS_NOISE, filter_case, flat, make_problem, observe_case
+from drift_drake.gap.estimation.filtered import filter_case
+from drift_drake.gap.estimation.make_problem import make_problem
+from drift_drake.gap.estimation.observed import observe_case
+from drift_drake.gap.estimation.problem import PROCESS_NOISE, flat
 from drift_drake.gap.estimation.reduction import predicted_ahead
 from drift_drake.gap.estimation.usable import seen_effects
+from drift_drake.gap.estimation.variants import Variant
 from drift_drake.gap.estimation.windows import run_errors, windowed
 
 CAR, PERIOD, ROWS = VehicleParameters(), 0.01, 251
@@ -98,7 +102,7 @@ def judged(run, magnitudes):
     theta = np.concatenate([np.zeros(problem.nuisances), list(magnitudes.values())])
     found = filter_case(problem, theta, names)
     e = flat(problem, found.innovations)
-    np.testing.assert_allclose(observe_case(problem, found, theta, names), e, rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(observe_case(problem, found, [Variant(theta, names)])[0], e, rtol=1e-9, atol=1e-9)
     return 0.5 * float(np.sum(e**2)) + 0.5 * found.filtered.logdet, float(np.mean(e**2))
 
 

@@ -5,8 +5,9 @@ import pytest
 
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.gap.estimation import reduction as reductions
+from drift_drake.gap.estimation.filtered import filter_case
 from drift_drake.gap.estimation.freeform import misfit
-from drift_drake.gap.estimation.problem import filter_case, make_problem
+from drift_drake.gap.estimation.make_problem import make_problem
 from drift_drake.gap.estimation.reduction import (
     FOLDS,
     HELD_OUT,
@@ -76,8 +77,9 @@ def test_a_horizon_that_no_run_reaches_has_no_number(stiffness_case):
 
 def test_a_prediction_without_a_number_is_the_worst_not_a_missing_one(problem, monkeypatch):
     def lost(*arguments):
-        roll_out(*arguments)
-        arguments[-1][0] = np.nan
+        out = roll_out(*arguments)
+        out[0] = np.nan
+        return out
 
     roll_out = reductions.roll_out
     monkeypatch.setattr(reductions, "roll_out", lost)

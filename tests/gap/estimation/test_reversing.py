@@ -13,7 +13,8 @@ from drift_drake.car.effects.magnitudes import Effects
 from drift_drake.car.log.table import Run
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.car.single_track.plant import VehiclePlant
-from drift_drake.gap.estimation.problem import filter_case, make_problem
+from drift_drake.gap.estimation.filtered import filter_case
+from drift_drake.gap.estimation.make_problem import make_problem
 from drift_drake.gap.estimation.usable import admit
 from drift_drake.gap.estimation.windows import errors, windowed
 

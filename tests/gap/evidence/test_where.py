@@ -5,7 +5,7 @@ import pytest
 
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.gap.estimation.freeform import misfit
-from drift_drake.gap.estimation.problem import make_problem
+from drift_drake.gap.estimation.make_problem import make_problem
 from drift_drake.gap.estimation.reduction import HORIZONS, STATES, start_rows
 from drift_drake.gap.estimation.regression import Regression
 from drift_drake.gap.evidence.where import _correlation, find_gap, region_names, region_of

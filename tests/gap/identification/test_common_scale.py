@@ -3,8 +3,10 @@
 import numpy as np
 
 from drift_drake.car.parameters import VehicleParameters
+from drift_drake.gap.estimation.filtered import filter_case
 from drift_drake.gap.estimation.fit import sensitivity
-from drift_drake.gap.estimation.problem import NUISANCES, filter_case, make_problem
+from drift_drake.gap.estimation.make_problem import make_problem
+from drift_drake.gap.estimation.problem import NUISANCES
 from drift_drake.gap.identification.by_likelihood import STEP
 from drift_drake.gap.identification.estimate import widened
 from drift_drake.gap.identification.options import KNOWN

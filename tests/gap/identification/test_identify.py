@@ -13,7 +13,7 @@ from drift_drake.car.parameters import InvalidVehicleError, VehicleParameters
 from drift_drake.car.vehicle_file import read_vehicle, write_vehicle
 from drift_drake.drive.manoeuvres.options import Simulate
 from drift_drake.drive.manoeuvres.simulate import simulate_drive
-from drift_drake.gap.estimation.problem import make_problem
+from drift_drake.gap.estimation.make_problem import make_problem
 from drift_drake.gap.identification.by_likelihood import check_peak, stretched
 from drift_drake.gap.identification.estimate import mean_square
 from drift_drake.gap.identification.identify import identify

@@ -7,8 +7,10 @@ import numpy as np
 import pytest
 
 from drift_drake.car.parameters import VehicleParameters
+from drift_drake.gap.estimation.filtered import filter_case
 from drift_drake.gap.estimation.freeform import FORCE_CHANNELS, responses, traced
-from drift_drake.gap.estimation.problem import filter_case, flat, make_problem
+from drift_drake.gap.estimation.make_problem import make_problem
+from drift_drake.gap.estimation.problem import flat
 from drift_drake.gap.estimation.reduction import FOLDS, measured_fold
 from drift_drake.gap.estimation.regression import Responses, equations, summed_equations
 from drift_drake.gap.identification.estimate import estimate

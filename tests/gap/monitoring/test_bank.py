@@ -7,7 +7,9 @@ from drift_drake.car.effects.catalogue import CATALOGUE
 from drift_drake.car.effects.magnitudes import Effects
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.gap.estimation.filter_state import CHANNELS
-from drift_drake.gap.estimation.problem import PROCESS_NOISE, car, filter_case, make_problem
+from drift_drake.gap.estimation.filtered import filter_case
+from drift_drake.gap.estimation.make_problem import make_problem
+from drift_drake.gap.estimation.problem import PROCESS_NOISE, car
 from drift_drake.gap.monitoring import bank as filters
 from drift_drake.gap.monitoring.bank import Node, make_nodes
 

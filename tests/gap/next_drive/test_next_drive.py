@@ -21,8 +21,9 @@ from drift_drake.gap.diagnosis.likelihood.beliefs import (
 )
 from drift_drake.gap.estimation.filter_state import CHANNELS
 from drift_drake.gap.estimation.fit import Fit
+from drift_drake.gap.estimation.make_problem import make_problem
 from drift_drake.gap.estimation.prior import Interval, scale
-from drift_drake.gap.estimation.problem import NUISANCES, PROCESS_NOISE, Problem, make_problem
+from drift_drake.gap.estimation.problem import NUISANCES, PROCESS_NOISE, Problem
 from drift_drake.gap.evidence.posterior import PosteriorConstants
 from drift_drake.gap.next_drive.foresight import Commands, foresee, probability_of_truth, readings
 from drift_drake.gap.next_drive.plan import NextDriveConfig, as_rival, plan_from_answer, plan_next, stand_ins

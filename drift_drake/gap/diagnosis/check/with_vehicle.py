@@ -30,8 +30,8 @@ from drift_drake.gap.estimation.effort import affordable
 from drift_drake.gap.estimation.fit import no_effects
 from drift_drake.gap.estimation.freeform import applied
 from drift_drake.gap.estimation.learn_normal import learn_normal
+from drift_drake.gap.estimation.make_problem import make_problem
 from drift_drake.gap.estimation.normal import Normal
-from drift_drake.gap.estimation.problem import make_problem
 from drift_drake.gap.estimation.robust_fit import robust_scales
 from drift_drake.gap.estimation.scores import Day, between_recordings, huber_weights, make_day, units
 from drift_drake.gap.estimation.unknowns import OWN

@@ -18,18 +18,12 @@ from drift_drake.gap.diagnosis.likelihood.beliefs import beliefs_as_data
 from drift_drake.gap.diagnosis.likelihood.isolability import isolability
 from drift_drake.gap.diagnosis.likelihood.learned import learned
 from drift_drake.gap.diagnosis.likelihood.search import search
+from drift_drake.gap.estimation.filtered import filter_case
 from drift_drake.gap.estimation.fit import Fit, no_effects, prior_precision
 from drift_drake.gap.estimation.freeform import applied, misfit, responses, traced
+from drift_drake.gap.estimation.make_problem import make_problem
 from drift_drake.gap.estimation.prior import TWO_SIDED, Interval, bounds
-from drift_drake.gap.estimation.problem import (
-    NUISANCES,
-    TOLERANCES,
-    ModelDiscrepancy,
-    Problem,
-    filter_case,
-    flat,
-    make_problem,
-)
+from drift_drake.gap.estimation.problem import NUISANCES, TOLERANCES, ModelDiscrepancy, Problem, flat
 from drift_drake.gap.estimation.reduction import (
     Reduction,
     errors_of,

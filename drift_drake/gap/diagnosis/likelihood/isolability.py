@@ -7,9 +7,12 @@ import numpy as np
 
 from drift_drake.car.effects.catalogue import CATALOGUE, LIMITS
 from drift_drake.car.parameters import VehicleParameters
+from drift_drake.gap.estimation.filtered import filter_case
 from drift_drake.gap.estimation.fit import MAGNITUDE_STEP, Fit, parameter_limits, prior_precision, run_sensitivity
+from drift_drake.gap.estimation.observed import observe_each
 from drift_drake.gap.estimation.prior import REACH, RELATIVE_TO_NONE, named_from, scale, starts
-from drift_drake.gap.estimation.problem import Gains, Problem, counted, filter_case, observe
+from drift_drake.gap.estimation.problem import Gains, Problem, counted
+from drift_drake.gap.estimation.variants import Variant
 
 SMALL = 0.05  # of an effect's scale
 
@@ -82,7 +85,7 @@ def _signature(problem: Problem, gains: Gains, fit: Fit, name: str, small: bool,
     step = step if theta[at] + step <= parameter_limits(problem, names)[1][at] else -step
     moved = theta.copy()
     moved[at] += step
-    ends = [observe(problem, gains, parameters, names, index) for parameters in (moved, theta)]
+    ends = observe_each(problem, gains, index, [Variant(moved, names), Variant(theta, names)])
     found = counted(problem, problem.runs[index], ends[0] - ends[1]).ravel() / step
     if np.all(np.isfinite(found)):
         return found

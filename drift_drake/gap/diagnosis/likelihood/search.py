@@ -14,7 +14,9 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
+from drift_drake.car.lanes import LANES
 from drift_drake.common.standard_output import Progress
+from drift_drake.gap.estimation.filtered import filter_case
 from drift_drake.gap.estimation.fit import (
     Derivatives,
     Fit,
@@ -22,13 +24,17 @@ from drift_drake.gap.estimation.fit import (
     cost_of,
     last_derivative,
     minimise,
+    moved,
     normal_step,
+    parameter_limits,
     prior_precision,
     sensitivity,
 )
 from drift_drake.gap.estimation.freeform import with_more_process_noise
+from drift_drake.gap.estimation.observed import observe_case
 from drift_drake.gap.estimation.prior import TOLERANCE_OF, bounds, starts
-from drift_drake.gap.estimation.problem import NUISANCES, TOLERANCES, Gains, Problem, filter_case, flat, observe_case
+from drift_drake.gap.estimation.problem import NUISANCES, TOLERANCES, WAITED_FOR, Gains, Problem, flat
+from drift_drake.gap.estimation.variants import Variant
 
 EXACTNESSES = (1.0, 0.05)  # of the vehicle file, in tolerances
 DECIDED = 15.0  # [nats] by which one exactness is ahead when the other is given up
@@ -40,6 +46,8 @@ STEPPED_SINGLES, LEAST_SINGLES, FULL_SINGLES = 10, 3, 6  # additions that get re
 SEEDS, STEPPED_PAIRS, LEAST_PAIRS, FULL_PAIRS = 3, 5, 2, 4  # singles that pairs are grown from; as above
 STRETCHED, MOST_HANDED_OVER = 2.5, 3  # tolerances beyond which an effect is tried in a deviation's place; how many
 FEW_SEEDS, FEW_PAIRS = 1, 3  # where the best single may be the whole story
+
+TOGETHER = LANES // 2  # candidates whose innovations and last derivatives are computed at once
 
 Names = tuple[str, ...]
 
@@ -70,19 +78,27 @@ def make_base(problem: Problem, names: Names, theta: np.ndarray) -> Base:
 
 
 def predicted_candidates(
-    problem: Problem, base: Base, name: str, start: float, exactnesses: Sequence[float]
-) -> list[Candidate]:
-    """One linearised joint solution with `name` added at `start`, its cost predicted, for each exactness."""
-    names, theta = (*base.names, name), np.append(base.theta, start)
-    e = observe_case(problem, base.gains, theta, names)
-    last = last_derivative(problem, base.gains, theta, names, e)
-    information, pull = base.jacobian.bordered(last), np.append(base.jacobian.pull(e), last @ e)
+    problem: Problem, base: Base, added: Sequence[tuple[str, float]], exactnesses: Sequence[float]
+) -> list[list[Candidate]]:
+    """One linearised joint solution for each effect added at a magnitude, its cost predicted, for each exactness."""
+    ends, steps = list[Variant](), list[float]()
+    for name, start in added:
+        names, theta = (*base.names, name), np.append(base.theta, start)
+        there, step = moved(problem, theta, names, len(theta) - 1, parameter_limits(problem, names)[1])
+        ends += [Variant(theta, names), Variant(there, names)]
+        steps.append(step)
+    found = observe_case(problem, base.gains, ends)
     out = []
-    for exactness in exactnesses:
-        held = problem.replace(exactness=exactness)
-        delta, gain = normal_step(held, information, pull, theta, names, 1e-3)
-        cost = 0.5 * float(e @ e) + 0.5 * float(prior_precision(held, len(theta)) @ theta**2) - gain
-        out.append(Candidate(names, theta + delta, cost if np.isfinite(cost) else np.inf))
+    for end, e, there, step in zip(ends[::2], found[::2], found[1::2], steps, strict=True):
+        last = (there - e) / step
+        information, pull = base.jacobian.bordered(last), np.append(base.jacobian.pull(e), last @ e)
+        candidates = []
+        for exactness in exactnesses:
+            held = problem.replace(exactness=exactness)
+            delta, gain = normal_step(held, information, pull, end.theta, end.names, 1e-3)
+            cost = 0.5 * float(e @ e) + 0.5 * float(prior_precision(held, len(delta)) @ end.theta**2) - gain
+            candidates.append(Candidate(tuple(end.names), end.theta + delta, cost if np.isfinite(cost) else np.inf))
+        out.append(candidates)
     return out
 
 
@@ -93,7 +109,7 @@ def relinearise(problem: Problem, base: Base, candidate: Candidate) -> Candidate
     filtered, cost = gains.filtered, cost_of(problem, gains.filtered, theta)
     for _ in range(RENEWALS):
         e = flat(problem, filtered.innovations)
-        last = last_derivative(problem, gains, theta, names, e)
+        last = last_derivative(problem, gains, theta, names)
         information, pull = base.jacobian.bordered(last), np.append(base.jacobian.pull(e), last @ e)
         improved = False
         for damping in (1e-3, 1.0):
@@ -130,13 +146,11 @@ def additions(
     pool: ThreadPoolExecutor,
 ) -> list[list[Candidate]]:
     """The most promising additions of one effect to a base after a few steps, for each exactness, best first."""
-    jobs = [
-        pool.submit(predicted_candidates, problem, base, name, start, exactnesses)
-        for name in names
-        if name not in base.names
-        for start in starts(name, problem.vehicle)
-    ]
-    results = [job.result() for job in jobs]
+    added = [(name, start) for name in names if name not in base.names for start in starts(name, problem.vehicle)]
+    added.sort(key=lambda one: one[0] in WAITED_FOR)  # which start at another row: not in one with others
+    jobs = [pool.submit(predicted_candidates, problem, base, added[first : first + TOGETHER], exactnesses)
+            for first in range(0, len(added), TOGETHER)]  # fmt: skip
+    results = [result for job in jobs for result in job.result()]
     out = []
     for i, exactness in enumerate(exactnesses):
         held = problem.replace(exactness=exactness)

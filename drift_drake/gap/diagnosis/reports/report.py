@@ -15,10 +15,11 @@ from drift_drake.gap.diagnosis.likelihood.isolability import Isolability, isolab
 from drift_drake.gap.diagnosis.reports.trials import EMPTY, half_second_ahead, trials_by_likelihood
 from drift_drake.gap.estimation.driven import all_driven
 from drift_drake.gap.estimation.filter_state import CHANNELS
+from drift_drake.gap.estimation.filtered import filter_case
 from drift_drake.gap.estimation.fit import Fit, no_effects
 from drift_drake.gap.estimation.freeform import misfit
 from drift_drake.gap.estimation.prior import REACH
-from drift_drake.gap.estimation.problem import Problem, filter_case
+from drift_drake.gap.estimation.problem import Problem
 from drift_drake.gap.estimation.reduction import (
     HORIZONS,
     JUDGED,

@@ -12,10 +12,11 @@ from drift_drake.car.effects.catalogue import CATALOGUE, LIMITS
 from drift_drake.gap.diagnosis.calibrated.diagnose_change import ChangeDiagnosis
 from drift_drake.gap.diagnosis.likelihood.diagnose import Diagnosis
 from drift_drake.gap.estimation.effort import is_slow
+from drift_drake.gap.estimation.filtered import filter_case
 from drift_drake.gap.estimation.fit import Fit, no_effects
 from drift_drake.gap.estimation.freeform import with_more_process_noise
 from drift_drake.gap.estimation.prior import range_of, tried_first
-from drift_drake.gap.estimation.problem import Problem, filter_case
+from drift_drake.gap.estimation.problem import Problem
 from drift_drake.gap.estimation.reduction import HORIZONS as AHEAD
 from drift_drake.gap.estimation.reduction import JUDGED, STATES, predicted_ahead, start_rows
 from drift_drake.gap.estimation.unknowns import added

@@ -19,9 +19,10 @@ from drift_drake.gap.diagnosis.likelihood.diagnose import diagnose
 from drift_drake.gap.diagnosis.likelihood.isolability import Isolability
 from drift_drake.gap.diagnosis.reports.report import report_html, worst_runs
 from drift_drake.gap.diagnosis.reports.trials import half_second_ahead
+from drift_drake.gap.estimation.filtered import filter_case
 from drift_drake.gap.estimation.fit import no_effects
+from drift_drake.gap.estimation.make_problem import make_problem
 from drift_drake.gap.estimation.prior import Interval
-from drift_drake.gap.estimation.problem import filter_case, make_problem
 from drift_drake.gap.estimation.usable import seen_effects
 
 FEW = ("rear_stiffness_error", "aero_drag", "steering_lag")

@@ -8,7 +8,7 @@ import pytest
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.drive.learnt.command_lag import LAGGED, lagged_commands
 from drift_drake.gap.diagnosis.likelihood.learned import CELLS, _Sampled, learned
-from drift_drake.gap.estimation.problem import make_problem
+from drift_drake.gap.estimation.make_problem import make_problem
 from drift_drake.gap.estimation.reduction import FOLDS, without_effects
 
 VEHICLE = VehicleParameters()

@@ -6,7 +6,8 @@ import pytest
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.gap.diagnosis.likelihood.search import Candidate, best_of, canonical, handed_over, hypotheses_of
 from drift_drake.gap.estimation.fit import Fit
-from drift_drake.gap.estimation.problem import NUISANCES, make_problem
+from drift_drake.gap.estimation.make_problem import make_problem
+from drift_drake.gap.estimation.problem import NUISANCES
 
 
 def test_the_best_candidate_of_each_set_of_effects_survives():

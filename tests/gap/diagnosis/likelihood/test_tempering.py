@@ -7,7 +7,7 @@ import pytest
 
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.gap.estimation.freeform import misfit
-from drift_drake.gap.estimation.problem import make_problem
+from drift_drake.gap.estimation.make_problem import make_problem
 from tests.gap.fits import fit
 
 NAMES = ("rear_stiffness_error",)

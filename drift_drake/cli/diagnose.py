@@ -139,9 +139,9 @@ def _diagnose_one(command: Diagnose, vehicle: CarParameters, options: Mapping[st
     with ended_at_once():
         from drift_drake.gap.diagnosis.diagnose import answer_folder
         from drift_drake.gap.estimation.filtered import filter_in_lanes
-        from drift_drake.gap.estimation.windows import predict_windows
+        from drift_drake.gap.estimation.paired_windows import predict_in_pairs
     if not isinstance(vehicle, SimulatorCar):  # of which nothing is compiled
-        passes = filter_in_lanes if options["normal"] is None else predict_windows
+        passes = filter_in_lanes if options["normal"] is None else predict_in_pairs
         say_if_it_compiles(passes, "the filter" if options["normal"] is None else "the predictions")
     with progress_bar(command.quiet) as show:
         diagnosis = answer_folder(command.case, vehicle, command.workers, progress=show, **options)

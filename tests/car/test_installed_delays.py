@@ -86,7 +86,7 @@ from drift_drake.gap.estimation.unknowns import unknown
 
 log = windowed(drive({"engine_delay": 0.09}, "power", 1.6))
 log = dataclasses.replace(log, starts=log.starts[::3])
-predicted = lambda found: run_errors(log, car.constants(), make_effects(found))
+predicted = lambda cars: [run_errors(log, car.constants(), make_effects(found)) for found in cars]
 fit = robust_fit(predicted, [unknown("engine_delay", car, frozenset())], evidence=1.0)
 print(fit.names[0], fit.theta[0])
 """

@@ -30,7 +30,7 @@ from drift_drake.common.arrays import Array
 from drift_drake.common.errors import unit_suffix
 from drift_drake.gap.estimation.robust_fit import robust_fit
 from drift_drake.gap.estimation.unknowns import deviations_of, magnitudes, unknown, with_found
-from drift_drake.gap.estimation.windows import WindowedRun, errors
+from drift_drake.gap.estimation.windows import WindowedRun, errors, errors_of_all
 from drift_drake.gap.identification.identify import calibrate
 from drift_drake.gap.identification.stated import Asked
 
@@ -135,8 +135,8 @@ def identified_double_track(
         return None
     dense = [_dense(run) for run in judged]
 
-    def predicted(found: Mapping[str, float]) -> Array:
-        return errors(dense, *with_found(constants, Effects(), found))
+    def predicted(found: Sequence[Mapping[str, float]]) -> list[Array]:
+        return errors_of_all(dense, [with_found(constants, Effects(), one) for one in found])
 
     try:
         with np.errstate(all="ignore"):

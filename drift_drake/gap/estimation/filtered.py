@@ -9,6 +9,7 @@ from drift_drake.car.actuated import STAGES
 from drift_drake.car.compilation import compiled, copied
 from drift_drake.car.effects.magnitudes import depends_on_heading
 from drift_drake.car.lanes import LANES, load_lanes, load_lanes_tuple, store_lanes
+from drift_drake.car.scalar import jitable
 from drift_drake.gap.estimation.filter import (
     UNMEASURED,
     correct,
@@ -32,6 +33,8 @@ from drift_drake.gap.estimation.filter_state import (
 from drift_drake.gap.estimation.problem import Filtered, Gains, Problem, car, first_row
 from drift_drake.gap.estimation.variants import Variant, cars, in_lanes, ready, wrench_at
 
+SLIP_VARIANCE = 1e-4  # first, of a slip that lags
+
 
 @compiled
 def _lane_of(values: Any, lane: Any, out: Any) -> None:
@@ -39,6 +42,16 @@ def _lane_of(values: Any, lane: Any, out: Any) -> None:
     for i in range(len(values)):
         for j in range(out.shape[1]):
             out[i, j] = values[i, j * LANES + lane]
+
+
+@jitable
+def _first_covariance(noise: Any, used: Any, moving: Any, p: Any, like: Any) -> None:
+    for i in range(UNRELAXED):
+        measured = i if i < 4 else i + 2
+        start = noise[measured] if used[measured] else (UNMEASURED if i < 4 else 0.0)
+        store_lanes(p[i], i, start + 0.0 * like)
+    for i in range(UNRELAXED, moving):
+        store_lanes(p[i], i, SLIP_VARIANCE + 0.0 * like)
 
 
 @compiled
@@ -77,12 +90,7 @@ def filter_in_lanes(
     measurement_matrix(q, h)
     at = STAGES * first
     first_state(y[first], used, load_lanes(delta, at), load_lanes(torque, at), car, q, z)
-    for i in range(7):
-        measured = i if i < 4 else i + 2
-        start = noise[measured] if used[measured] else (UNMEASURED if i < 4 else 0.0)
-        store_lanes(p[i], i, start + 0.0 * like)
-    for i in range(7, n if relaxed else 7):
-        store_lanes(p[i], i, 1e-4 + 0.0 * like)
+    _first_covariance(noise, used, moving, p, like)
     innovations[: first + 1] = 0.0
     for lane in range(LANES):
         gains[lane][: first + 1] = 0.0

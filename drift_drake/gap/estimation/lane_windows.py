@@ -15,7 +15,7 @@ from drift_drake.car.equations import fastest, rates, settle
 from drift_drake.car.integrate import runge_kutta
 from drift_drake.car.lanes import LANES, load_lanes
 from drift_drake.car.scalar import jitable, signed_floor, stored
-from drift_drake.gap.estimation.filter_state import MIN_FILTER_SPEED
+from drift_drake.gap.estimation.filter_state import MIN_FILTER_SPEED, commanded, hold_speeds
 
 LEAD = 1.5  # [s]; what rolls or relaxes forgets faster
 
@@ -102,12 +102,12 @@ def _next_starts(starts: Any, s: Any, each: Any, lead: Any, at: Any, start: Any,
 
 
 @jitable
-def _errors(y: Any, end: Any, effects: Any, z: Any, lane: Any, out: Any) -> None:
-    """Writes a lane's errors [5] at a row."""
+def _errors(y: Any, end: Any, effects: Any, z: Any, lane: Any, cars: Any, out: Any) -> None:
+    """Writes the errors [5] at a row of one of the cars z [size * cars]."""
     r, v, beta, omega_r = unbiased(y[end, 0], y[end, 1], y[end, 2], y[end, 3], effects)
-    out[0], out[1] = r - z[lane], v - z[LANES + lane]
-    out[2], out[3] = beta - z[2 * LANES + lane], omega_r - z[3 * LANES + lane]
-    out[4] = y[end, 4] - z[4 * LANES + lane]
+    out[0], out[1] = r - z[lane], v - z[cars + lane]
+    out[2], out[3] = beta - z[2 * cars + lane], omega_r - z[3 * cars + lane]
+    out[4] = y[end, 4] - z[4 * cars + lane]
 
 
 @compiled
@@ -115,10 +115,11 @@ def predict_in_lanes(
     start_y: Any, y: Any, starts: Any, stride_rows: Any, delta: Any, torque: Any, period: Any, constants: Any,
     effects: Any, fed: Any, wrenches: Any, size: Any, bounds: Any, out: Any,
 ) -> Any:  # fmt: skip
-    """What `windows.predict_windows` writes, but for what is added for absent numbers.
+    """Prediction errors out [windows, horizons, 5], measured less predicted, of the windows of one run.
 
     Args:
-        bounds: of a step [s], of a step times the fastest rate, and of steps a row; the others as there.
+        delta, torque: [count]; constants, effects: one car; wrenches: [rows, 3]; size: states of the car.
+        the others: as in `paired_windows.predict_in_pairs`.
     """
     lead, each = int(np.ceil(LEAD / period)), (len(starts) + LANES - 1) // LANES
     z, carried, before = np.zeros(size * LANES), np.zeros(size * LANES), np.zeros(size * LANES)
@@ -163,4 +164,58 @@ def predict_in_lanes(
                         _copied(before, lane, carried)
             for lane in range(LANES if part > 0 else 0):
                 index = min(lane * each + s, len(starts) - 1)
-                _errors(y, start[lane] + part * stride_rows, effects, z, lane, out[index, part - 1])
+                _errors(y, start[lane] + part * stride_rows, effects, z, lane, LANES, out[index, part - 1])
+
+
+@compiled
+def predict_one_by_one(
+    start_y: Any, y: Any, starts: Any, stride_rows: Any, delta: Any, torque: Any, period: Any, constants: Any,
+    effects: Any, fed: Any, wrenches: Any, size: Any, bounds: Any, out: Any,
+) -> Any:  # fmt: skip
+    """The same, one window after the other: less work where there are few; internal states are followed from the first
+    row on."""
+    z, carried, k, w, wrench = np.zeros(size), np.zeros(size), np.zeros(size), np.zeros((2, size)), np.zeros(3)
+    _read_state(start_y[0], effects, carried)
+    settle(carried, delta[0], torque[0], constants, effects)
+    at_row = 0
+    for s in range(len(starts)):
+        while at_row < starts[s]:
+            _read_state(start_y[at_row], effects, carried)
+            _advance_one(carried, at_row, period, delta, torque, start_y, fed, wrenches, wrench, (constants, effects),
+                         bounds, k, w)  # fmt: skip
+            at_row += 1
+        copied(carried, z)
+        _read_state(start_y[at_row], effects, z)
+        for h in range(out.shape[1]):
+            for row in range(at_row + h * stride_rows, at_row + (h + 1) * stride_rows):
+                _advance_one(z, row, period, delta, torque, start_y, fed, wrenches, wrench, (constants, effects),
+                             bounds, k, w)  # fmt: skip
+            _errors(y, at_row + (h + 1) * stride_rows, effects, z, 0, 1, out[s, h])
+
+
+@jitable
+def _read_state(y: Any, effects: Any, z: Any) -> Any:
+    """One car's states from what sensors read, their errors taken out."""
+    z[0], v, z[2], z[3] = unbiased(y[0], y[1], y[2], y[3], effects)
+    z[1] = signed_floor(v, MIN_FILTER_SPEED)
+    z[4] = y[4]
+
+
+@jitable
+def _advance_one(z: Any, row: Any, period: Any, delta: Any, torque: Any, start_y: Any, fed: Any, wrenches: Any,
+                 wrench: Any, car: Any, bounds: Any, k: Any, w: Any) -> Any:  # fmt: skip
+    """One car's states a row later, in place; with `fed`, speeds are those of the measurement."""
+    step, per_rate, most = bounds
+    constants, effects = car
+    if len(wrenches) > 0:
+        copied(wrenches[row], wrench)
+    steps = min(max(int(np.ceil(period / step - 1e-9)), int(period * fastest(z, constants, effects) / per_rate) + 1),
+                most)  # fmt: skip
+    for part in range(steps):
+        at, end = STAGES * (row + part / steps), STAGES * (row + (part + 1) / steps)
+        if fed:
+            y = start_y[row] + part / steps * (start_y[row + 1] - start_y[row])
+            _, z[1], _, z[3] = unbiased(y[0], y[1], y[2], y[3], effects)
+        runge_kutta(rates, z, commanded(delta, torque, at), commanded(delta, torque, 0.5 * (at + end)),
+                    commanded(delta, torque, end), period / steps, (constants, effects, wrench), k, w)  # fmt: skip
+        hold_speeds(z)

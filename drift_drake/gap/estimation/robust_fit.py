@@ -8,7 +8,6 @@ starts wide and is narrowed, so that the first guess may be far off.
 
 import dataclasses
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from functools import cached_property
 
 import numpy as np
@@ -21,9 +20,8 @@ ROUNDS, STEPS = 6, 6  # of scales, and Levenberg-Marquardt steps in each
 ENOUGH = 0.02  # [nats] of a step that is not worth another
 SETTLED = 0.05  # standard deviations that a round may move
 MAD = 1.4826  # of a normal distribution's median absolute deviation
-THREADS = 2
 
-Predicted = Callable[[Mapping[str, float]], np.ndarray]
+Predicted = Callable[[Sequence[Mapping[str, float]]], Sequence[np.ndarray]]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -74,39 +72,39 @@ class _Criterion:
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:
         return np.array([u.low for u in self.unknowns]), np.array([u.high for u in self.unknowns])
 
-    def errors(self, theta: np.ndarray) -> np.ndarray:
-        """Of predictions [windows, HORIZONS, channels]."""
-        return self.predicted(magnitudes([u.name for u in self.unknowns], theta))
+    def errors(self, *thetas: np.ndarray) -> Sequence[np.ndarray]:
+        """Of the predictions of each [windows, HORIZONS, channels]."""
+        return self.predicted([magnitudes([u.name for u in self.unknowns], theta) for theta in thetas])
 
     def hessian(self, information: np.ndarray) -> np.ndarray:
         return self.evidence * information + np.diag(1.0 / self.prior**2)
 
     def at(self, theta: np.ndarray, scales: np.ndarray, width: float) -> _At:
-        e = self.errors(theta)
+        (e,) = self.errors(theta)
         lost, weights = loss(np.mean((e / scales) ** 2, axis=1), width)
         cost = 0.5 * self.evidence * HORIZONS * float(np.sum(lost)) + 0.5 * float(np.sum((theta / self.prior) ** 2))
         return _At(theta, e, cost, weights)
 
-    def derivatives(self, at: _At, pool: ThreadPoolExecutor) -> np.ndarray:
+    def derivatives(self, at: _At) -> np.ndarray:
         """Of the errors [windows, HORIZONS, channels, n], or those of a car that is near enough."""
         away = [np.abs(at.theta - where) / [u.unit for u in self.unknowns] for where, _ in self.known]
         if not away or np.max(away[0]) > self.near:
-            self.known[:] = [(at.theta, self._derivatives(at, pool))]
+            self.known[:] = [(at.theta, self._derivatives(at))]
         return self.known[0][1]
 
-    def _derivatives(self, at: _At, pool: ThreadPoolExecutor) -> np.ndarray:
+    def _derivatives(self, at: _At) -> np.ndarray:
         steps = DIFFERENCE * np.array([u.unit for u in self.unknowns])
         signs = np.where(at.theta + steps <= self.bounds[1], 1.0, -1.0)
         moved = [at.theta + np.where(np.arange(len(steps)) == i, signs * steps, 0.0) for i in range(len(steps))]
         columns = [(e - at.e) / (sign * step)
-                   for e, sign, step in zip(pool.map(self.errors, moved), signs, steps, strict=True)]  # fmt: skip
+                   for e, sign, step in zip(self.errors(*moved), signs, steps, strict=True)]  # fmt: skip
         return np.stack(columns, axis=-1)
 
-    def minimised(self, at: _At, scales: np.ndarray, width: float, pool: ThreadPoolExecutor) -> tuple[_At, np.ndarray]:
+    def minimised(self, at: _At, scales: np.ndarray, width: float) -> tuple[_At, np.ndarray]:
         """The minimum for these scales by Levenberg-Marquardt steps, and the information [n, n] of the last."""
         damping, information = 1e-3, np.eye(len(at.theta))
         for _ in range(STEPS):
-            jacobian = self.derivatives(at, pool) / scales[..., None]
+            jacobian = self.derivatives(at) / scales[..., None]
             part = jacobian * np.sqrt(at.weights)[:, None, :, None]
             part = part.reshape(-1, len(at.theta))
             rest = (at.e / scales * np.sqrt(at.weights)[:, None, :]).ravel()
@@ -138,7 +136,7 @@ def robust_fit(
     """Fits unknowns to all windows.
 
     Args:
-        predicted: errors [windows, HORIZONS, channels] of a car with these magnitudes of the unknowns, by name;
+        predicted: errors [windows, HORIZONS, channels] of each of some cars, with these magnitudes of the unknowns;
         evidence: power, in (0, 1], that the criterion is raised to; theta: to start from, in place of the unknowns';
         widths: of the loss, the last of them where `theta` is near already;
         near: units of the unknowns, within which derivatives are used again, where a prediction is costly.
@@ -146,17 +144,15 @@ def robust_fit(
     criterion = _Criterion(predicted, unknowns, evidence, near)
     theta = np.array([u.start for u in unknowns]) if theta is None else theta.copy()
     information = np.eye(len(theta))
-    scales = robust_scales(criterion.errors(theta))
-    with ThreadPoolExecutor(THREADS) as pool:
-        for width in widths:
-            for _ in range(ROUNDS):
-                began = theta
-                scales = robust_scales(criterion.errors(theta))
-                at, information = criterion.minimised(criterion.at(theta, scales, width), scales, width, pool)
-                theta = at.theta
-                deviations = np.sqrt(np.diag(np.linalg.inv(criterion.hessian(information))))
-                if np.all(np.abs(theta - began) < SETTLED * deviations):
-                    break
+    for width in widths:
+        for _ in range(ROUNDS):
+            began = theta
+            scales = robust_scales(criterion.errors(theta)[0])
+            at, information = criterion.minimised(criterion.at(theta, scales, width), scales, width)
+            theta = at.theta
+            deviations = np.sqrt(np.diag(np.linalg.inv(criterion.hessian(information))))
+            if np.all(np.abs(theta - began) < SETTLED * deviations):
+                break
     return RobustFit(tuple(u.name for u in unknowns), theta, at.e, scales, information)
 
 

@@ -14,7 +14,6 @@ others.
 
 import dataclasses
 from collections.abc import Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
@@ -24,9 +23,9 @@ from drift_drake.car.equations import CarConstants, kind_of
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.gap.estimation.normal import Normal
 from drift_drake.gap.estimation.partial import free_columns, partial_columns, standards
-from drift_drake.gap.estimation.robust_fit import THREADS, robust_scales
+from drift_drake.gap.estimation.robust_fit import robust_scales
 from drift_drake.gap.estimation.unknowns import added
-from drift_drake.gap.estimation.windows import HORIZONS, WindowedRun, errors, errors_of_all, regimes
+from drift_drake.gap.estimation.windows import HORIZONS, THREADS, WindowedRun, errors, errors_of_all, regimes
 
 BLOCK = 2.0  # [s]
 STRETCH = 12.0  # [s], about, of a run over which what the equations lack hangs together
@@ -144,8 +143,7 @@ def make_day(
     cars = [(constants, added(own, {name: float(step)})) for name, step in zip(names, steps, strict=True)]
     if of_kind is None:
         cars += [(kind.deviated(constants, {name: 1.0}, own), own) for name in kind.DEVIATIONS]
-    with ThreadPoolExecutor(threads) as pool:
-        moved = [scaled(e - at, scales) for e in errors_of_all(runs, cars, pool)]
+    moved = [scaled(e - at, scales) for e in errors_of_all(runs, cars, threads)]
     jacobian = np.stack(moved[: len(names)], axis=-1)
     standard = standards(runs) if normal is None else normal.standard
     free = {name: scaled(column, scales) for name, column in free_columns(runs, constants, own, at).items()}

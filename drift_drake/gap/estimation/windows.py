@@ -10,24 +10,23 @@ each start. Any car is predicted (`car.equations`).
 import dataclasses
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from typing import Any
 
 import numpy as np
 
-from drift_drake.car.actuated import STAGES, actuated, without_actuators
-from drift_drake.car.compilation import compiled, copied
+from drift_drake.car.actuated import actuated, without_actuators
 from drift_drake.car.effects.catalogue import wheelbase
 from drift_drake.car.effects.installed import installed_effects
-from drift_drake.car.effects.magnitudes import Effects, unbiased
-from drift_drake.car.equations import CarConstants, decays, fastest, kind_of, rates, settle, size_of
+from drift_drake.car.effects.magnitudes import Effects
+from drift_drake.car.equations import CarConstants, kind_of, size_of
 from drift_drake.car.foreign.simulator import SimulatorConstants
-from drift_drake.car.integrate import runge_kutta
+from drift_drake.car.lanes import LANES
 from drift_drake.car.log.table import Run
-from drift_drake.car.parameters import VehicleParameters
+from drift_drake.car.parameters import Constants, VehicleParameters
 from drift_drake.car.road import NO_WRENCH, on_road, with_bank
-from drift_drake.car.scalar import jitable, signed_floor
-from drift_drake.gap.estimation.filter_state import CHANNELS, MIN_FILTER_SPEED, commanded, hold_speeds
-from drift_drake.gap.estimation.lane_windows import predict_in_lanes
+from drift_drake.car.single_track.equations import REMEMBERING
+from drift_drake.gap.estimation.filter_state import CHANNELS
+from drift_drake.gap.estimation.lane_windows import predict_in_lanes, predict_one_by_one
+from drift_drake.gap.estimation.paired_windows import follow_in_lanes, predict_in_pairs
 from drift_drake.gap.estimation.run_data import RunData, prepare_run
 from drift_drake.gap.estimation.simulated_windows import simulated_errors
 
@@ -42,8 +41,10 @@ SETTLING = 0.35  # [s] at a run's start without windows: commands before it are 
 STEP = 0.01  # [s] of Runge-Kutta, at most
 STEPS_PER_RATE = 1.5  # of the fastest settling time that a step may take
 MOST_STEPS = 32  # a row
-FOLLOWING = 0.0125  # [s] of a step of internal states along the measured motion, at most
+BOUNDS = (STEP, STEPS_PER_RATE, MOST_STEPS)
 FEW = 2  # windows, up to which one by one takes less than `LANES` at once
+TOGETHER = LANES  # cars that a thread takes on at a time
+THREADS = 2
 LARGEST_ERROR = 1e3  # of any channel, where a prediction diverges
 
 
@@ -127,100 +128,6 @@ def windowed(run: Run, left_out: np.ndarray | None = None, stride: float = STRID
     )  # fmt: skip
 
 
-@jitable
-def _advance(z: Any, delta: Any, torque: Any, row: Any, period: Any, constants: Any, effects: Any, fed: Any,
-             fed_from: Any, fed_to: Any, wrench: Any, k: Any, w: Any) -> Any:  # fmt: skip
-    """One row of Runge-Kutta steps, in place; with `fed`, speeds (of car and rim [2]) are those of the measurement."""
-    by_time = int(np.ceil(period / STEP - 1e-9))
-    steps = min(max(by_time, int(period * fastest(z, constants, effects) / STEPS_PER_RATE) + 1), MOST_STEPS)
-    h = period / steps
-    for step in range(steps):
-        at = STAGES * (row + step / steps)
-        end = STAGES * (row + (step + 1) / steps)
-        if fed:
-            share = step / steps
-            z[1] = fed_from[0] + share * (fed_to[0] - fed_from[0])
-            z[3] = fed_from[1] + share * (fed_to[1] - fed_from[1])
-        runge_kutta(rates, z, commanded(delta, torque, at), commanded(delta, torque, 0.5 * (at + end)),
-                    commanded(delta, torque, end), h, (constants, effects, wrench), k, w)  # fmt: skip
-        hold_speeds(z)
-
-
-@jitable
-def _measured_state(y: Any, effects: Any, z: Any) -> Any:
-    """The car's states from what sensors read, their errors taken out."""
-    z[0], v, z[2], z[3] = unbiased(y[0], y[1], y[2], y[3], effects)
-    z[1] = signed_floor(v, MIN_FILTER_SPEED)
-    z[4] = y[4]
-
-
-@jitable
-def _measured_speeds(y: Any, effects: Any) -> Any:
-    """Speeds of the car and of its rim [m/s] from what sensors read, their errors taken out."""
-    _, v, _, omega_r = unbiased(y[0], y[1], y[2], y[3], effects)
-    return v, omega_r
-
-
-@compiled
-def predict_windows(
-    start_y: Any, y: Any, starts: Any, stride_rows: Any, delta: Any, torque: Any, period: Any, constants: Any,
-    effects: Any, fed: Any, wrenches: Any, size: Any, stepped: Any, out: Any,
-) -> Any:  # fmt: skip
-    """Prediction errors out [windows, horizons, 5], measured less predicted, of the windows of one run.
-
-    Args:
-        start_y, y: smoothed and raw measurements [rows, 5]; starts: rows [windows], ascending; stride_rows: between
-            horizons; delta, torque: on the stages' grid (`filter_state.actuated`); constants: of any car
-            (`car.equations`); effects: without those of actuators; wrenches: further force and moment on the body
-            [rows, 3] (`road.on_road`), none with zero rows; size: states of the car; stepped: its internal states
-            follow the measured motion by the steps of a prediction, row by row from what is measured.
-    """
-    has_wrench = wrenches.shape[0] == y.shape[0]
-    z, carried, k, w, wrench = np.zeros(size), np.zeros(size), np.zeros(size), np.zeros((2, size)), np.zeros(3)
-    decay = np.zeros(size)
-    _measured_state(start_y[0], effects, carried)
-    settle(carried, delta[0], torque[0], constants, effects)
-    at_row, follow = 0, max(2, int(np.ceil(period / FOLLOWING - 1e-9)))
-    for s in range(len(starts)):
-        start = starts[s]
-        # Internal states follow the measured motion up to this start.
-        while at_row < start:
-            if has_wrench:
-                copied(wrenches[at_row], wrench)
-            if stepped:
-                _measured_state(start_y[at_row], effects, carried)
-                _advance(carried, delta, torque, at_row, period, constants, effects, fed,
-                         _measured_speeds(start_y[at_row], effects), _measured_speeds(start_y[at_row + 1], effects),
-                         wrench, k, w)  # fmt: skip
-            for step in range(0 if stepped else follow):
-                share = (step + 0.5) / follow
-                at = STAGES * (at_row + share)
-                _measured_state(start_y[at_row] + share * (start_y[at_row + 1] - start_y[at_row]), effects, carried)
-                rates(carried, commanded(delta, torque, at), (constants, effects, wrench), k)
-                decays(carried, constants, effects, decay)
-                h = period / follow
-                for i in range(5, size):
-                    carried[i] += h * k[i] / (1.0 + h * decay[i])
-            at_row += 1
-        copied(carried, z)
-        _measured_state(start_y[start], effects, z)
-        for h in range(out.shape[1]):
-            for row in range(start + h * stride_rows, start + (h + 1) * stride_rows):
-                if has_wrench:
-                    copied(wrenches[row], wrench)
-                _advance(z, delta, torque, row, period, constants, effects, fed,
-                         _measured_speeds(start_y[row], effects), _measured_speeds(start_y[row + 1], effects),
-                         wrench, k, w)  # fmt: skip
-            end = start + (h + 1) * stride_rows
-            r, v, beta, omega_r = unbiased(y[end, 0], y[end, 1], y[end, 2], y[end, 3], effects)
-            out[s, h, 0], out[s, h, 1] = r - z[0], v - z[1]
-            out[s, h, 2], out[s, h, 3] = beta - z[2], omega_r - z[3]
-            out[s, h, 4] = y[end, 4] - z[4]
-            for i in range(5):
-                if not abs(out[s, h, i]) < LARGEST_ERROR:
-                    out[s, h, i] = LARGEST_ERROR
-
-
 def run_errors(
     run: WindowedRun,
     constants: CarConstants,
@@ -233,22 +140,54 @@ def run_errors(
     Args:
         wrench: further force (F_x, F_y) [N] and yaw moment [N m] on the body [rows, 3]; none with zero rows.
     """
-    if isinstance(constants, SimulatorConstants):
-        return simulated_errors([run], constants, effects, horizons, [wrench])[0]
-    before = (float(run.delta[0]), float(run.tau[0]))
-    delta, torque = actuated(run.delta, run.tau, before, run.period, effects)
-    out = np.empty((len(run.starts), horizons, len(PREDICTED)))
-    dynamic, banked = on_road(run.bank, constants.mass, constants.gravity, without_actuators(effects))
-    stepped = kind_of(constants).STEPPED
-    arguments = (run.start_y, run.y, run.starts, run.stride_rows, delta, torque, run.period, constants,
-                 run.read_with(dynamic), run.fed, with_bank(wrench, banked), size_of(constants))  # fmt: skip
-    if stepped and not installed_effects() and len(run.starts) > FEW:
-        predict_in_lanes(*arguments, (STEP, STEPS_PER_RATE, MOST_STEPS), out)
-        out[~(np.abs(out) < LARGEST_ERROR)] = LARGEST_ERROR
+    return run_errors_of(run, [(constants, effects)], horizons, wrench)[0]
+
+
+def run_errors_of(
+    run: WindowedRun, cars: Sequence[tuple[CarConstants, Effects]], horizons: int = HORIZONS,
+    wrench: np.ndarray = NO_WRENCH,
+) -> np.ndarray:  # fmt: skip
+    """The same [cars, windows, horizons, 5] of several cars of one kind."""
+    if isinstance(cars[0][0], SimulatorConstants):
+        return np.stack([simulated_errors([run], c, q, horizons, [wrench])[0] for c, q in cars
+                         if isinstance(c, SimulatorConstants)])  # fmt: skip
+    driven = [_driven(run, constants, effects, wrench) for constants, effects in cars]
+    out = np.empty((len(cars), len(run.starts), horizons, len(PREDICTED)))
+    if kind_of(cars[0][0]).STEPPED:
+        # Other packages' effects may know one car only.
+        few = installed_effects() or len(run.starts) <= FEW
+        for (constants, _), (delta, torque, effects, banked), found in zip(cars, driven, out, strict=True):
+            (predict_one_by_one if few else predict_in_lanes)(
+                run.start_y, run.y, run.starts, run.stride_rows, delta, torque, run.period, constants, effects, run.fed,
+                banked, size_of(constants), BOUNDS, found,
+            )  # fmt: skip
     else:
-        predict_windows(*arguments, stepped, out)
+        deltas, torques, magnitudes, banks = map(np.array, zip(*driven, strict=True))
+        numbers = np.array([tuple(car) for car, _ in cars], dtype=float)
+        internal = np.zeros((len(cars), len(run.starts), size_of(cars[0][0])))
+        some = np.flatnonzero(np.any(magnitudes[:, [Effects._fields.index(name) for name in REMEMBERING]], axis=1))
+        if len(some):
+            followed = np.empty((len(some), *internal.shape[1:]))
+            follow_in_lanes(run.start_y, run.starts, deltas[some], torques[some], run.period, numbers[some],
+                            magnitudes[some], banks[some], followed)  # fmt: skip
+            internal[some] = followed
+        predict_in_pairs(
+            run.start_y, run.y, run.starts, run.stride_rows, deltas, torques, run.period, numbers, magnitudes,
+            run.fed, banks, BOUNDS, internal, out,
+        )  # fmt: skip
+    out[~(np.abs(out) < LARGEST_ERROR)] = LARGEST_ERROR
     out[..., ~run.used] = 0.0
     return out
+
+
+def _driven(
+    run: WindowedRun, constants: CarConstants, effects: Effects, wrench: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, Effects, np.ndarray]:
+    """What actuators make of the commands, the effects that are left, and the wrench with the road's bank."""
+    before = (float(run.delta[0]), float(run.tau[0]))
+    delta, torque = actuated(run.delta, run.tau, before, run.period, effects)
+    dynamic, banked = on_road(run.bank, constants.mass, constants.gravity, without_actuators(effects))
+    return delta, torque, run.read_with(dynamic), with_bank(wrench, banked)
 
 
 def errors(
@@ -276,10 +215,17 @@ def forecast_error(found: np.ndarray) -> float:
 
 
 def errors_of_all(
-    runs: Sequence[WindowedRun], cars: Sequence[tuple[CarConstants, Effects]], pool: ThreadPoolExecutor
+    runs: Sequence[WindowedRun], cars: Sequence[tuple[CarConstants, Effects]], threads: int = THREADS
 ) -> list[np.ndarray]:
-    """The same for several cars at once, on the pool's threads."""
-    return list(pool.map(lambda car: errors(runs, *car), cars))
+    """The same for several cars of one kind at once."""
+    if len(cars) == 1:
+        return [errors(runs, *cars[0])]
+    with ThreadPoolExecutor(threads) as pool:
+        if not isinstance(cars[0][0], Constants):
+            return list(pool.map(lambda car: errors(runs, *car), cars))
+        some = [cars[first : first + TOGETHER] for first in range(0, len(cars), TOGETHER)]
+        found = pool.map(lambda part: np.concatenate([run_errors_of(run, part) for run in runs], axis=1), some)
+        return [e for part in found for e in part]
 
 
 def regimes(run: WindowedRun) -> np.ndarray:

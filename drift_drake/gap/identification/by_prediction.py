@@ -20,7 +20,7 @@ from drift_drake.gap.estimation.reduction import STATES
 from drift_drake.gap.estimation.robust_fit import WIDTHS, RobustFit, robust_fit
 from drift_drake.gap.estimation.scores import Day, between_recordings, block_of, make_day, units
 from drift_drake.gap.estimation.unknowns import FIELDS, Unknown, deviations_of, folded, magnitudes, unknown, with_found
-from drift_drake.gap.estimation.windows import HORIZONS, WindowedRun, errors, forecast_error, thinned
+from drift_drake.gap.estimation.windows import HORIZONS, WindowedRun, errors, errors_of_all, forecast_error, thinned
 from drift_drake.gap.evidence.left_out import asked_in_turn
 from drift_drake.gap.evidence.posterior import NONE
 from drift_drake.gap.evidence.ranking import DayRanked
@@ -138,7 +138,7 @@ def fit_by_prediction(
         return robust_fit(predicted, unknowns, EVIDENCE, start, widths, NEAR if is_slow(constants) else 0.0)
 
     def furthest(fit: RobustFit) -> float:
-        return forecast_error(predicted_with(judged, constants, effects, magnitudes(fit.names, fit.theta)))
+        return forecast_error(predicted_with(judged, constants, effects, [magnitudes(fit.names, fit.theta)])[0])
 
     progress("the car alone", 0.0)
     alone = fitted_to(fitted, base)
@@ -229,10 +229,10 @@ def left_open(
 
 
 def predicted_with(
-    runs: Sequence[WindowedRun], constants: CarConstants, effects: Effects, found: Mapping[str, float]
-) -> np.ndarray:
-    """Prediction errors of a first guess with magnitudes of what was unknown (`unknowns.with_found`)."""
-    return errors(runs, *with_found(constants, effects, found))
+    runs: Sequence[WindowedRun], constants: CarConstants, effects: Effects, found: Sequence[Mapping[str, float]]
+) -> list[np.ndarray]:
+    """Prediction errors of a first guess with each of some magnitudes of what was unknown (`unknowns.with_found`)."""
+    return errors_of_all(runs, [with_found(constants, effects, one) for one in found])
 
 
 def of_kind(first: CarConstants, fit: RobustFit, kept: Sequence[Unknown]) -> dict[str, Parameter]:

@@ -31,7 +31,9 @@ def fitted(runs):
 
 def fit(runs):
     unknowns = [unknown(name, CAR, frozenset()) for name in TRUE]
-    return robust_fit(lambda found: errors(runs, CAR.constants(), make_effects(found)), unknowns, EVIDENCE)
+    return robust_fit(
+        lambda cars: [errors(runs, CAR.constants(), make_effects(car)) for car in cars], unknowns, EVIDENCE
+    )
 
 
 def deviations(found):

@@ -2,7 +2,6 @@
 
 import dataclasses
 import functools
-from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
@@ -176,8 +175,7 @@ def test_a_prediction_that_diverges_is_a_large_number():
 def test_cars_at_once_are_the_cars_one_by_one():
     runs, p = [exact(integrated(CAR))], CAR.constants()
     cars = [Effects(), make_effects({"mass_error": 0.1})]
-    with ThreadPoolExecutor(2) as pool:
-        together = errors_of_all(runs, [(p, car) for car in cars], pool)
+    together = errors_of_all(runs, [(p, car) for car in cars])
     for car, found in zip(cars, together, strict=True):
         np.testing.assert_array_equal(found, errors(runs, p, car))
 

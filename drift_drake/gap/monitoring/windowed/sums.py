@@ -15,7 +15,7 @@ from drift_drake.gap.estimation.baseline import slipping_in
 from drift_drake.gap.estimation.normal import Normal
 from drift_drake.gap.estimation.scores import LARGEST, huber_weights
 from drift_drake.gap.estimation.unknowns import added
-from drift_drake.gap.estimation.windows import WindowedRun, regimes, run_errors
+from drift_drake.gap.estimation.windows import WindowedRun, regimes, run_errors_of
 from drift_drake.gap.monitoring.bank import Node
 
 FEATURES = ("speed", "lateral acceleration", "sideslip", "slip of the driven wheels", "least torque", "most torque")
@@ -49,9 +49,9 @@ class Projection(NamedTuple):
     normal: Normal  # its baseline, on whose effects errors are projected
     nodes: Sequence[Node]
 
-    def errors_with(self, window: WindowedRun, name: str, magnitude: float) -> np.ndarray:
-        """Errors [1, HORIZONS, channels] once an effect is added to the car."""
-        return run_errors(window, self.constants, added(self.own, {name: magnitude}))
+    def errors_with(self, window: WindowedRun, effects: Sequence[tuple[str, float]]) -> np.ndarray:
+        """Errors [effects, 1, HORIZONS, channels] once each of some effects is added to the car."""
+        return run_errors_of(window, [(self.constants, added(self.own, {name: q})) for name, q in effects])
 
     def nodes_of(self) -> list[list[int]]:
         """Indices of each effect's nodes."""
@@ -72,14 +72,17 @@ def sums_of(projection: Projection, window: WindowedRun, e: np.ndarray) -> Windo
     p, normal = projection, projection.normal
     precision, scales = normal.precision, normal.scales
 
-    def moved(name: str, magnitude: float) -> np.ndarray:
-        return np.clip((p.errors_with(window, name, magnitude) - e) / scales, -LOST, LOST).reshape(-1)
-
-    there = [moved(node.name, node.magnitude) for node in p.nodes]
+    single = [at[0] if len(at) == 1 else None for at in p.nodes_of()]
+    effects = [(node.name, node.magnitude) for node in p.nodes]
+    more = [
+        (name, float(unit)) for name, unit, at in zip(normal.names, normal.units, single, strict=True) if at is None
+    ]
+    found = np.clip((p.errors_with(window, effects + more) - e) / scales, -LOST, LOST)
+    there, further = found[: len(effects)].reshape(len(effects), -1), iter(found[len(effects) :])
     jacobian = np.stack([
-        np.clip(unit / p.nodes[at[0]].magnitude * there[at[0]] if len(at) == 1 else moved(name, float(unit)),
+        np.clip(unit / p.nodes[at].magnitude * there[at] if at is not None else next(further).reshape(-1),
                 -LARGEST, LARGEST)
-        for name, unit, at in zip(normal.names, normal.units, p.nodes_of(), strict=True)
+        for unit, at in zip(normal.units, single, strict=True)
     ], axis=-1)  # fmt: skip
     weights = np.broadcast_to(huber_weights(e, scales), e.shape).reshape(-1)
     projected, half = (jacobian.T @ precision) * weights, np.sqrt(weights)[:, None] * jacobian

@@ -4,11 +4,14 @@ import numpy as np
 import pytest
 
 from drift_drake.car import equations
+from drift_drake.car.actuated import without_actuators
 from drift_drake.car.compilation import compiled
 from drift_drake.car.double_track.parameters import CARS
 from drift_drake.car.double_track.plant import DoubleTrackPlant
+from drift_drake.car.effects.catalogue import CATALOGUE, OWN
 from drift_drake.car.effects.magnitudes import Effects
 from drift_drake.car.parameters import CarParameters, VehicleParameters
+from drift_drake.car.single_track import equations as single_track
 from drift_drake.car.single_track.plant import VehiclePlant
 from drift_drake.common.arrays import Array
 
@@ -90,3 +93,15 @@ def test_effects_that_change_numbers_are_folded_into_them(car: CarParameters, pl
     equations.rates(z, COMMAND, (constants, rest, WRENCH), out)
     equations.rates(z, COMMAND, (car.constants(), EFFECTS, WRENCH), expected)
     np.testing.assert_allclose(out, expected, rtol=1e-12, atol=1e-12)
+
+
+@pytest.mark.parametrize("name", [n for n in OWN if n not in single_track.REMEMBERING])
+def test_internal_states_move_a_car_only_by_the_effects_that_remember(name: str) -> None:
+    car, (_, high) = VehicleParameters(), CATALOGUE[name].range_for(VehicleParameters())
+    effects = without_actuators(Effects(**{name: high}))
+    z = np.zeros((2, equations.size_of(car.constants())))
+    z[:, :4], z[1, 5:] = STATE, 0.3
+    out = np.zeros_like(z)
+    for state, rates in zip(z, out, strict=True):
+        equations.rates(state, COMMAND, (car.constants(), effects, WRENCH), rates)
+    np.testing.assert_array_equal(out[0, :5], out[1, :5])

@@ -92,11 +92,11 @@ def rows_between_starts(stride: float, period: float) -> int:
 
 
 def smoothed(values: np.ndarray, period: float, stride: float = STRIDE) -> np.ndarray:
-    """Local parabolas through a channel [rows]: at 100 Hz noise falls to 0.4, and motion below 3 Hz stays."""
+    """Local parabolas through channels [rows, ...]: at 100 Hz noise falls to 0.4, and motion below 3 Hz stays."""
     from scipy.signal import savgol_filter
 
     length = max(2 * round(0.5 * SMOOTHING * stride / period) + 1, 5)
-    return np.asarray(savgol_filter(values, length, 2)) if len(values) > length else values
+    return np.asarray(savgol_filter(values, length, 2, axis=0)) if len(values) > length else values
 
 
 def windowed(run: Run, left_out: np.ndarray | None = None, stride: float = STRIDE) -> WindowedRun:
@@ -120,7 +120,7 @@ def windowed(run: Run, left_out: np.ndarray | None = None, stride: float = STRID
         margin = round(SMOOTHING * stride / run.period)
         clean = bad[starts + HORIZONS * rows + 1] == bad[np.maximum(starts - margin, 0)]
         starts = starts[clean]
-    start_y = np.stack([smoothed(y[:, i], run.period, stride) for i in range(len(PREDICTED))], axis=1)
+    start_y = smoothed(y, run.period, stride)
     used = np.array([True, not fed, True, not fed and run.omega_r is not None, run.psi is not None])
     return WindowedRun(
         run.name, run.period, y, start_y, data.delta, data.tau, starts, stride, fed, used, run.recording or run.name,

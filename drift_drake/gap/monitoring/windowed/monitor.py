@@ -85,7 +85,7 @@ def newest_window(rows: Rows, used: np.ndarray, period: float, stride: float, sc
         y[:, HEADING] = np.unwrap(y[:, HEADING])
     else:
         y[:, HEADING] = np.concatenate([[0.0], np.cumsum(0.5 * (y[1:, 0] + y[:-1, 0]) * period)])
-    start_y = np.stack([smoothed(y[:, i], period, stride) for i in range(len(PREDICTED))], axis=1)
+    start_y = smoothed(y, period, stride)
     return WindowedRun(
         "newest", period, y, start_y, np.ascontiguousarray(command[:, 0]), np.ascontiguousarray(command[:, 1]),
         np.array([start]), stride, False, used, "newest", bank if np.any(bank) else None, not used[RIM],

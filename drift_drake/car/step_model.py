@@ -1,14 +1,16 @@
 """What the optimal control problems need of a vehicle model, and the nominal car as such a model."""
 
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from pydrake.systems.framework import LeafSystem
 
 from drift_drake.car.compilation import compiled
+from drift_drake.car.integrate import paths
 from drift_drake.car.parameters import Constants, VehicleParameters
-from drift_drake.car.single_track.motion import linearize_point
-from drift_drake.common.arrays import Array
+from drift_drake.car.scalar import jitable, loaded_tuple, stored
+from drift_drake.car.single_track.motion import linearize_point, motion, path_rates
+from drift_drake.common.arrays import Array, Arrays
 
 STEP, SUBSTEPS = 0.1, 8  # [s] of a model that is not given another, and its sub-steps
 DIFFERENCE = np.array([1e-5, 1e-4, 1e-5, 1e-4, 1e-5, 1e-5])  # of the six states, for central differences
@@ -143,24 +145,39 @@ class NominalStepModel(StepModel):
         return model
 
     def step(self, x: Array, u: Array, u_next: Array, curvature: Array) -> Array:
-        return self.linearize(x, u, u_next, curvature)[0]
+        path = np.empty((1, *x.shape))
+        _paths(*_copies(x, u, u_next, curvature), self._constants, self.dt, self._substeps, path)
+        return path[0]
 
     def linearize(self, x: Array, u: Array, u_next: Array, curvature: Array) -> tuple[Array, Array, Array, Array]:
         count = x.shape[0]
         x_next, sensitivity = np.empty((count, 6)), np.empty((count, 6, 10))
-        # Copies: views that are read only, or strided, would each be compiled for anew.
-        _rk4_sensitivity(
-            np.array(x, order="C"),
-            np.array(u, order="C"),
-            np.array(u_next, order="C"),
-            np.array(curvature, order="C"),
-            self._constants,
-            self.dt,
-            self._substeps,
-            x_next,
-            sensitivity,
-        )
+        _rk4_sensitivity(*_copies(x, u, u_next, curvature), self._constants, self.dt, self._substeps, x_next,
+                         sensitivity)  # fmt: skip
         return x_next, sensitivity[:, :, :6], sensitivity[:, :, 6:8], sensitivity[:, :, 8:]
+
+
+def _copies(*arrays: *Arrays) -> tuple[*Arrays]:
+    """Views that are read only, or strided, would each be compiled for anew."""
+    found: Any = tuple(np.array(array, dtype=float, order="C") for array in list[Any](arrays))
+    return found
+
+
+@jitable
+def _rates(z: Any, command: Any, car: Any, out: Any) -> None:
+    """The six states' rates of `lanes` of cars; car: their paths' curvature, constants, nothing."""
+    curvature, p, _ = car
+    r, v, beta, omega_r, e, dphi = loaded_tuple(z, 0, 6, curvature)
+    rates = motion(r, v, beta, omega_r, command[0], command[1], p)
+    e_dot, dphi_dot, _ = path_rates(r, v, rates.beta_dot, e, dphi, curvature)
+    for i, rate in enumerate((rates.r_dot, rates.v_dot, rates.beta_dot, rates.omega_r_dot, e_dot, dphi_dot)):
+        stored(out, i, rate)
+
+
+@compiled
+def _paths(x: Array, u: Array, u_next: Array, curvature: Array, p: Constants, dt: float, substeps: int,
+           path: Array) -> None:  # fmt: skip
+    paths(_rates, x, u, u_next, curvature, (p, 0.0), dt, substeps, path)
 
 
 @compiled

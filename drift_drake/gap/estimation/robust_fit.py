@@ -96,8 +96,10 @@ class _Criterion:
         steps = DIFFERENCE * np.array([u.unit for u in self.unknowns])
         signs = np.where(at.theta + steps <= self.bounds[1], 1.0, -1.0)
         moved = [at.theta + np.where(np.arange(len(steps)) == i, signs * steps, 0.0) for i in range(len(steps))]
-        columns = [(e - at.e) / (sign * step)
-                   for e, sign, step in zip(self.errors(*moved), signs, steps, strict=True)]  # fmt: skip
+        columns = self.errors(*moved)
+        for e, sign, step in zip(columns, signs, steps, strict=True):  # in place: logs may be long
+            e -= at.e
+            e /= sign * step
         return np.stack(columns, axis=-1)
 
     def minimised(self, at: _At, scales: np.ndarray, width: float) -> tuple[_At, np.ndarray]:

@@ -6,7 +6,8 @@ from typing import Any
 from drift_drake.car.deviation import Deviation
 from drift_drake.car.effects import changed
 from drift_drake.car.effects.catalogue import CATALOGUE, PARAMETRIC
-from drift_drake.car.effects.magnitudes import INSTALLED_STATES, INTERNAL_COUNT, Effects, InternalStates
+from drift_drake.car.effects.magnitudes import COUNT, INSTALLED_STATES, INTERNAL_COUNT, Effects, InternalStates
+from drift_drake.car.lanes import load_lanes_tuple
 from drift_drake.car.parameters import Constants
 from drift_drake.car.scalar import absolute, jitable, loaded, loaded_tuple, maximum, select, stored
 from drift_drake.car.single_track.motion import MIN_SLIP_SPEED
@@ -26,6 +27,7 @@ REMEMBERING = (
     "lateral_load_transfer",
     *INSTALLED_STATES,
 )  # effects without which no internal state acts on the motion
+NUMBERS = len(Constants._fields) - 1  # that may differ between `lanes` of cars; the last, their tyre, is one for all
 SHORTEST = 1e-9  # [m] that a tyre may relax over
 LACKS: tuple[str, ...] = ()  # effects that mean nothing on this car
 DEVIATIONS: dict[str, Deviation] = {}  # of what a vehicle file says nothing of
@@ -35,6 +37,13 @@ FOLDED = tuple(name for name in CATALOGUE if name in PARAMETRIC)  # that `change
 def deviated(constants: Constants, by: Mapping[str, float], effects: Effects) -> Constants:  # noqa: ARG001
     """The car itself."""
     return constants
+
+
+@jitable
+def cars_in_lanes(numbers: Any, effects: Any, tyre: Any) -> Any:
+    """`Constants` and `Effects` of `lanes` of cars, from flat arrays."""
+    constants = Constants(*(load_lanes_tuple(numbers, 0, NUMBERS) + (tyre,)))  # noqa: RUF005 (for numba)
+    return constants, Effects(*load_lanes_tuple(effects, 0, COUNT))
 
 
 @jitable

@@ -10,6 +10,7 @@ from drift_drake.car.compilation import compiled, copied
 from drift_drake.car.effects.magnitudes import depends_on_heading
 from drift_drake.car.lanes import LANES, load_lanes, load_lanes_tuple, store_lanes
 from drift_drake.car.scalar import jitable
+from drift_drake.car.single_track.equations import cars_in_lanes
 from drift_drake.gap.estimation.filter import (
     UNMEASURED,
     correct,
@@ -31,7 +32,7 @@ from drift_drake.gap.estimation.filter_state import (
     transition,
 )
 from drift_drake.gap.estimation.problem import Filtered, Gains, Problem, car, first_row
-from drift_drake.gap.estimation.variants import Variant, cars, in_lanes, ready, wrench_at
+from drift_drake.gap.estimation.variants import Variant, in_lanes, ready, wrench_at
 
 SLIP_VARIANCE = 1e-4  # first, of a slip that lags
 
@@ -85,7 +86,7 @@ def filter_in_lanes(
     h, ph, s, low = np.zeros((m, n * size)), np.zeros((m, n * size)), np.zeros((m, m * size)), np.zeros((m, m * size))
     gain, whitening = np.zeros((n, m * size)), np.zeros((m, m * size))
     predicted, nu = np.zeros(m * size), np.zeros(m * size)
-    car, q = cars(constants, effects, tyre)
+    car, q = cars_in_lanes(constants, effects, tyre)
     none, like, moving = load_lanes_tuple(nu, 0, 3), q[0], CORRECTED if relaxed else UNRELAXED
     measurement_matrix(q, h)
     at = STAGES * first

@@ -13,6 +13,7 @@ import numpy as np
 from drift_drake.car.actuated import STAGES
 from drift_drake.car.compilation import compiled, copied
 from drift_drake.car.lanes import LANES, load_lanes, load_lanes_tuple
+from drift_drake.car.single_track.equations import cars_in_lanes
 from drift_drake.gap.estimation.filter import correct
 from drift_drake.gap.estimation.filter_state import (
     MEASURED,
@@ -24,7 +25,7 @@ from drift_drake.gap.estimation.filter_state import (
     rates_of,
 )
 from drift_drake.gap.estimation.problem import Gains, Problem, first_row, flat
-from drift_drake.gap.estimation.variants import Variant, cars, in_lanes, ready, wrench_at
+from drift_drake.gap.estimation.variants import Variant, in_lanes, ready, wrench_at
 
 NO_STATE = np.empty(0)
 
@@ -47,7 +48,7 @@ def observe_in_lanes(
     """
     z, k, w = np.zeros(SIZE * LANES), np.zeros((SIZE + 2) * LANES), np.zeros((2, SIZE * LANES))
     predicted, nu = np.zeros(MEASURED * LANES), np.zeros(MEASURED * LANES)
-    p, q = cars(constants, effects, tyre)
+    p, q = cars_in_lanes(constants, effects, tyre)
     none = load_lanes_tuple(nu, 0, 3)
     if len(known) > 0:
         copied(known, z)

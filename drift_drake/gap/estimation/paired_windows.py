@@ -14,11 +14,10 @@ from drift_drake.car.effects.magnitudes import COUNT, Effects, unbiased
 from drift_drake.car.equations import decays, fastest, rates, settle
 from drift_drake.car.integrate import runge_kutta
 from drift_drake.car.lanes import LANES, load_lanes, load_lanes_tuple
-from drift_drake.car.parameters import Constants
 from drift_drake.car.scalar import fixed_tuple, jitable, signed_floor, stored
+from drift_drake.car.single_track.equations import NUMBERS, cars_in_lanes
 from drift_drake.gap.estimation.filter_state import MIN_FILTER_SPEED, hold_speeds
 
-NUMBERS = len(Constants._fields) - 1  # of a car that may differ; the last, its tyre, is one for all
 FOLLOWING = 0.0125  # [s] of a step of internal states along the measured motion, at most
 
 
@@ -30,8 +29,7 @@ def _cars(constants: Any, effects: Any, car: Any, p: Any, q: Any) -> Any:
             p[i * LANES + lane] = constants[car[lane], i]
         for i in range(COUNT):
             q[i * LANES + lane] = effects[car[lane], i]
-    of_cars = Constants(*(load_lanes_tuple(p, 0, NUMBERS) + (constants[0, NUMBERS],)))  # noqa: RUF005 (for numba)
-    return of_cars, Effects(*load_lanes_tuple(q, 0, COUNT))
+    return cars_in_lanes(p, q, constants[0, NUMBERS])
 
 
 @jitable

@@ -7,6 +7,7 @@ import numpy as np
 from drift_drake.car.actuated import STAGES
 from drift_drake.car.compilation import compiled, copied
 from drift_drake.car.lanes import LANES, load_lanes, load_lanes_tuple
+from drift_drake.car.single_track.equations import cars_in_lanes
 from drift_drake.gap.estimation.filter_state import (
     MEASURED,
     SIZE,
@@ -15,7 +16,7 @@ from drift_drake.gap.estimation.filter_state import (
     predict_measurement,
     rates_of,
 )
-from drift_drake.gap.estimation.variants import Ready, cars, in_lanes, wrench_at
+from drift_drake.gap.estimation.variants import Ready, in_lanes, wrench_at
 
 
 @compiled
@@ -29,7 +30,7 @@ def roll_in_lanes(
         steps: one or more, above zero, ascending; the rest is as in `filtered.filter_in_lanes`.
     """
     k, w, predicted = np.zeros((SIZE + 2) * LANES), np.zeros((2, SIZE * LANES)), np.zeros(MEASURED * LANES)
-    p, q = cars(constants, effects, tyre)
+    p, q = cars_in_lanes(constants, effects, tyre)
     none = load_lanes_tuple(k, 0, 3)
     n = 0
     for row in range(1, steps[-1] + 1):

@@ -6,14 +6,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from drift_drake.car.actuated import STAGES, without_actuators
-from drift_drake.car.effects.magnitudes import COUNT, Effects
 from drift_drake.car.lanes import LANES, load_lanes_tuple
-from drift_drake.car.parameters import Constants
 from drift_drake.car.road import NO_WRENCH, on_road, with_bank
 from drift_drake.car.scalar import jitable
+from drift_drake.car.single_track.equations import NUMBERS
 from drift_drake.gap.estimation.problem import Commands, Problem, car, run_commands
-
-NUMBERS = len(Constants._fields) - 1  # of a car that may differ; its tyre is one for all
 
 
 class Variant(NamedTuple):
@@ -72,13 +69,6 @@ def _lasting(one: Ready, rows: int) -> Ready:
         return one
     return one._replace(y=longer(one.y, more), delta=longer(one.delta, STAGES * more),
                         torque=longer(one.torque, STAGES * more), wrench=longer(one.wrench, more))  # fmt: skip
-
-
-@jitable
-def cars(constants: Any, effects: Any, tyre: Any) -> Any:
-    """`Constants` and `Effects` of LANES numbers."""
-    p = Constants(*(load_lanes_tuple(constants, 0, NUMBERS) + (tyre,)))  # noqa: RUF005 (for numba)
-    return p, Effects(*load_lanes_tuple(effects, 0, COUNT))
 
 
 @jitable

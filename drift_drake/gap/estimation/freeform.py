@@ -121,15 +121,15 @@ def forced(
     run, units, base = problem.runs[index], force_units(problem), gains.innovations[index]
     out = np.empty((counted(problem, run, base).size, len(FORCE_CHANNELS) * shapes.shape[1]))
     commands = run_commands(problem, index, fit.theta, car(problem, fit.theta, fit.names)[1])
-    pushed = Variant(fit.theta, fit.names, commands=commands)
+    unforced = Variant(fit.theta, fit.names, commands=commands)
     for first in range(0, shapes.shape[1], TOGETHER):
         some, variants = shapes[:, first : first + TOGETHER], list[Variant]()
         for channel in range(3):
             wrenches = np.zeros((some.shape[1], len(base), 3))
             wrenches[:, :, channel] = units[channel] * some.T
-            variants += [pushed._replace(wrench=wrench) for wrench in wrenches]
+            variants += [unforced._replace(wrench=wrench) for wrench in wrenches]
         for torque in units[3] / problem.nominal.gear_ratio * some.T:
-            variants.append(pushed._replace(extra_torque=torque))
+            variants.append(unforced._replace(extra_torque=torque))
         since = int(np.argmax(some.any(axis=1))) - 1
         since, known = (since, states[since]) if since > first_row(run, fit.names) else (0, NO_STATE)
         e = observe_each(problem, gains, index, variants, since, known)

@@ -117,7 +117,7 @@ def follow_in_lanes(
     """
     size = out.shape[2]
     z, k, decay = np.zeros(size * LANES), np.zeros(size * LANES), np.zeros(size * LANES)
-    command, read, push = np.zeros(2 * LANES), np.zeros(5 * LANES), np.zeros(3 * LANES)
+    command, read, wrench_now = np.zeros(2 * LANES), np.zeros(5 * LANES), np.zeros(3 * LANES)
     p, q = np.zeros(NUMBERS * LANES), np.zeros(COUNT * LANES)
     car, row = np.zeros(LANES, np.int64), np.zeros(LANES, np.int64)
     count = max(2, int(np.ceil(period / FOLLOWING - 1e-9)))
@@ -132,7 +132,7 @@ def follow_in_lanes(
         settle(z, begin[0], begin[1], of_cars, q_cars)
         for s in range(len(starts)):
             while row[0] < starts[s]:
-                wrench = _wrench(wrenches, car, row, push)
+                wrench = _wrench(wrenches, car, row, wrench_now)
                 for step in range(count):
                     _start(y, row, step + 0.5, steps, q_cars, read, z)
                     here = _commanded(delta, torque, car, row, step + 0.5, steps, command)
@@ -164,7 +164,7 @@ def predict_in_pairs(
     """
     windows, size = len(starts), internal.shape[2]
     z, k, w = np.zeros(size * LANES), np.zeros(size * LANES), np.zeros((2, size * LANES))
-    command, read, push = np.zeros(2 * LANES), np.zeros(5 * LANES), np.zeros(3 * LANES)
+    command, read, wrench_now = np.zeros(2 * LANES), np.zeros(5 * LANES), np.zeros(3 * LANES)
     p, q = np.zeros(NUMBERS * LANES), np.zeros(COUNT * LANES)
     car, window, row = np.zeros(LANES, np.int64), np.zeros(LANES, np.int64), np.zeros(LANES, np.int64)
     steps, h = np.ones(LANES, np.int64), np.zeros(LANES)
@@ -180,7 +180,7 @@ def predict_in_pairs(
         _start(start_y, row, 0.0, steps, q_cars, read, z)
         for horizon in range(out.shape[2]):
             for _ in range(stride_rows):
-                wrench = _wrench(wrenches, car, row, push)
+                wrench = _wrench(wrenches, car, row, wrench_now)
                 stored(k, 0, fastest(load_lanes_tuple(z, 0, 4), of_cars, q_cars))
                 begin = _commanded(delta, torque, car, row, 0.0, steps, command)
                 for step in range(_set_steps(k, period, bounds, steps)):

@@ -25,7 +25,7 @@ def problem(stiffness_case):
     return make_problem([runs[0], runs[1].rows(0, 400), runs[2].rows(0, 700)], VehicleParameters())
 
 
-def test_short_runs_are_filtered_beside_long_ones_as_alone(problem):
+def test_short_runs_are_filtered_with_long_ones_as_alone(problem):
     together = filter_case(problem, np.zeros(problem.nuisances), ())
     for i, run in enumerate(problem.runs):
         alone = problem.replace(runs=[run])

@@ -10,7 +10,7 @@ from drift_drake.car.integrate import paths
 from drift_drake.car.parameters import Constants, VehicleParameters
 from drift_drake.car.scalar import jitable, loaded_tuple, stored
 from drift_drake.car.single_track.motion import linearize_point, motion, path_rates
-from drift_drake.common.arrays import Array, Arrays
+from drift_drake.common.arrays import Array, contiguous
 
 STEP, SUBSTEPS = 0.1, 8  # [s] of a model that is not given another, and its sub-steps
 DIFFERENCE = np.array([1e-5, 1e-4, 1e-5, 1e-4, 1e-5, 1e-5])  # of the six states, for central differences
@@ -146,21 +146,15 @@ class NominalStepModel(StepModel):
 
     def step(self, x: Array, u: Array, u_next: Array, curvature: Array) -> Array:
         path = np.empty((1, *x.shape))
-        _paths(*_copies(x, u, u_next, curvature), self._constants, self.dt, self._substeps, path)
+        _paths(*contiguous(x, u, u_next, curvature), self._constants, self.dt, self._substeps, path)
         return path[0]
 
     def linearize(self, x: Array, u: Array, u_next: Array, curvature: Array) -> tuple[Array, Array, Array, Array]:
         count = x.shape[0]
         x_next, sensitivity = np.empty((count, 6)), np.empty((count, 6, 10))
-        _rk4_sensitivity(*_copies(x, u, u_next, curvature), self._constants, self.dt, self._substeps, x_next,
+        _rk4_sensitivity(*contiguous(x, u, u_next, curvature), self._constants, self.dt, self._substeps, x_next,
                          sensitivity)  # fmt: skip
         return x_next, sensitivity[:, :, :6], sensitivity[:, :, 6:8], sensitivity[:, :, 8:]
-
-
-def _copies(*arrays: *Arrays) -> tuple[*Arrays]:
-    """Views that are read only, or strided, would each be compiled for anew."""
-    found: Any = tuple(np.array(array, dtype=float, order="C") for array in list[Any](arrays))
-    return found
 
 
 @jitable

@@ -12,8 +12,8 @@ STILL = 1e-9  # spread of a signal that does not vary
 
 
 def contiguous(*arrays: *Arrays) -> tuple[*Arrays]:
-    """The arrays as compiled code takes them: what is strided, or of integers, it would be compiled for anew."""
-    found: Any = tuple(np.ascontiguousarray(array, dtype=float) for array in list[Any](arrays))
+    """The arrays as compiled code takes them: for what is strided, read only or of integers it is compiled anew."""
+    found: Any = tuple(np.require(array, float, ["C", "W"]) for array in list[Any](arrays))
     return found
 
 

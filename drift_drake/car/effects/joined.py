@@ -5,7 +5,7 @@ from typing import Any
 
 from drift_drake.car.effects.catalogue import CATALOGUE
 from drift_drake.car.parameters import Constants
-from drift_drake.car.scalar import jitable
+from drift_drake.car.scalar import anywhere, jitable
 
 Function = Callable[..., Any]
 
@@ -65,7 +65,7 @@ def plus(before: Function, place: int) -> Function:
 
 
 def or_there(before: Function, place: int) -> Function:
-    return lambda q: before(q) or q[place] != 0.0
+    return lambda q: before(q) or anywhere(q[place])
 
 
 def _own_numbers(index: int, place: int | None) -> Function:

@@ -7,7 +7,7 @@ from drift_drake.car.deviation import Deviation
 from drift_drake.car.effects import changed
 from drift_drake.car.effects.catalogue import CATALOGUE, PARAMETRIC
 from drift_drake.car.effects.magnitudes import COUNT, INSTALLED_STATES, INTERNAL_COUNT, Effects, InternalStates
-from drift_drake.car.lanes import load_lanes_tuple
+from drift_drake.car.lanes import LANES, load_lanes_tuple
 from drift_drake.car.parameters import Constants
 from drift_drake.car.scalar import absolute, jitable, loaded, loaded_tuple, maximum, select, stored
 from drift_drake.car.single_track.motion import MIN_SLIP_SPEED
@@ -20,14 +20,10 @@ from drift_drake.car.single_track.motion_with_effects import (
 HELD = INTERNAL_COUNT - 2  # of `InternalStates`: all but the commands', which are known
 SIZE = 5 + HELD
 STEPPED = False  # internal states are slow, or few: half an implicit step a row follows them (`decays`)
-REMEMBERING = (
-    "tyre_relaxation",
-    "tyre_thermal_fade",
-    "longitudinal_load_transfer",
-    "lateral_load_transfer",
-    *INSTALLED_STATES,
-)  # effects without which no internal state acts on the motion
-NUMBERS = len(Constants._fields) - 1  # that may differ between `lanes` of cars; the last, their tyre, is one for all
+REMEMBERING = ("tyre_relaxation", "tyre_thermal_fade", "longitudinal_load_transfer", "lateral_load_transfer",
+               *INSTALLED_STATES)  # fmt: skip
+"""Effects without which no internal state acts on the motion."""
+NUMBERS = len(Constants._fields) - 1  # of a car in `lanes`; the last of its constants, its tyre, is one for all
 SHORTEST = 1e-9  # [m] that a tyre may relax over
 LACKS: tuple[str, ...] = ()  # effects that mean nothing on this car
 DEVIATIONS: dict[str, Deviation] = {}  # of what a vehicle file says nothing of
@@ -40,9 +36,9 @@ def deviated(constants: Constants, by: Mapping[str, float], effects: Effects) ->
 
 
 @jitable
-def cars_in_lanes(numbers: Any, effects: Any, tyre: Any) -> Any:
-    """`Constants` and `Effects` of `lanes` of cars, from flat arrays."""
-    constants = Constants(*(load_lanes_tuple(numbers, 0, NUMBERS) + (tyre,)))  # noqa: RUF005 (for numba)
+def cars_in_lanes(numbers: Any, effects: Any) -> Any:
+    """`Constants` and `Effects` of `lanes` of cars, from flat arrays; the tyre is the first car's."""
+    constants = Constants(*(load_lanes_tuple(numbers, 0, NUMBERS) + (numbers[NUMBERS * LANES],)))  # noqa: RUF005
     return constants, Effects(*load_lanes_tuple(effects, 0, COUNT))
 
 

@@ -12,11 +12,7 @@ from typing import Any
 from drift_drake.car.compilation import compiled
 from drift_drake.car.effects.magnitudes import reading_gains
 from drift_drake.car.scalar import jitable, loaded, maximum, sqrt, stored
-from drift_drake.gap.estimation.filter_state import (
-    CORRECTED,
-    MEASURED,
-    hold_speeds,
-)
+from drift_drake.gap.estimation.filter_state import CORRECTED, MEASURED, hold_speeds, product
 
 STATE_OF = (0, 1, 2, 3, -1, -1, 4, 5, 6)  # that a channel measures alone; accelerations depend on several
 UNMEASURED = 0.01  # first variance of a state that no sensor measures (sideslip: a tenth of a radian)
@@ -34,26 +30,23 @@ def measurement_matrix(effects: Any, h: Any) -> Any:
 
 
 @jitable
-def _product(a: Any, i: Any, b: Any, j: Any, begin: Any, end: Any, like: Any) -> Any:
-    """Sum of a[i, c] b[j, c] over c from `begin` to before `end`."""
-    total = loaded(a[i], begin, like) * loaded(b[j], begin, like)
-    for c in range(begin + 1, end):
+def _row_product(a: Any, i: Any, b: Any, j: Any, end: Any, like: Any) -> Any:
+    """Sum of a[i, c] b[j, c] over c before `end`: of a and the transposed b."""
+    total = loaded(a[i], 0, like) * loaded(b[j], 0, like)
+    for c in range(1, end):
         total = total + loaded(a[i], c, like) * loaded(b[j], c, like)
     return total
 
 
 @compiled
 def propagate(f: Any, process: Any, period: Any, n: Any, p: Any, t: Any, like: Any) -> Any:
-    """Covariance p of the first n states a row later, in place, under the transition f; t is scratch.
-
-    Here and below, `like` is one of the car's numbers (`filter_state`).
-    """
+    """Covariance p of the first n states a row later, in place, under the transition f; t is scratch."""
     for i in range(n):
         for j in range(n):
-            stored(t[i], j, _product(f, i, p, j, 0, n, like))  # p is symmetric
+            stored(t[i], j, _row_product(f, i, p, j, n, like))  # p is symmetric
     for i in range(n):
         for j in range(i + 1):
-            total = _product(t, i, f, j, 0, n, like)
+            total = _row_product(t, i, f, j, n, like)
             stored(p[i], j, total)
             stored(p[j], i, total)
         stored(p[i], i, loaded(p[i], i, like) + process[i] * period)
@@ -71,7 +64,7 @@ def innovation_covariance(h: Any, noise: Any, used: Any, n: Any, p: Any, ph: Any
             elif state >= 0:
                 stored(ph[j], i, loaded(p[i], state, like) * loaded(h[j], state, like))
             else:
-                stored(ph[j], i, _product(p, i, h, j, 0, n, like))
+                stored(ph[j], i, _row_product(p, i, h, j, n, like))
     for i in range(MEASURED):
         state = STATE_OF[i]
         for j in range(i + 1):
@@ -79,7 +72,7 @@ def innovation_covariance(h: Any, noise: Any, used: Any, n: Any, p: Any, ph: Any
             if used[i] and state >= 0:
                 total = loaded(h[i], state, like) * loaded(ph[j], state, like)
             elif used[i]:
-                total = _product(h, i, ph, j, 0, n, like)
+                total = _row_product(h, i, ph, j, n, like)
             stored(s[i], j, total)
         stored(s[i], i, loaded(s[i], i, like) + (noise[i] if used[i] else 1.0))
 
@@ -91,16 +84,13 @@ def inverse_root(s: Any, low: Any, out: Any, like: Any) -> Any:
         for j in range(i + 1):
             total = loaded(s[i], j, like)
             if j > 0:
-                total = total - _product(low, i, low, j, 0, j, like)
+                total = total - _row_product(low, i, low, j, j, like)
             stored(low[i], j, sqrt(maximum(total, 1e-18)) if i == j else total / loaded(low[j], j, like))
     for j in range(MEASURED):
         for i in range(MEASURED):
             total = 0.0 * like if i < j else 1.0 / loaded(low[i], i, like)
             if i > j:
-                rest = loaded(low[i], j, like) * loaded(out[j], j, like)
-                for c in range(j + 1, i):
-                    rest = rest + loaded(low[i], c, like) * loaded(out[c], j, like)
-                total = -rest * total
+                total = -product(low, i, out, j, j, i, like) * total
             stored(out[i], j, total)
 
 
@@ -117,18 +107,12 @@ def update_covariance(
     inverse_root(s, low, whitening, like)
     for i in range(n):
         for j in range(MEASURED):  # t is p h' L^-T
-            total = loaded(ph[0], i, like) * loaded(whitening[j], 0, like)
-            for c in range(1, j + 1):
-                total = total + loaded(ph[c], i, like) * loaded(whitening[j], c, like)
-            stored(t[i], j, total)
+            stored(t[i], j, product(whitening, j, ph, i, 0, j + 1, like))
     for i in range(n):
         for j in range(MEASURED):
-            total = 0.0 * like
-            for c in range(j, MEASURED if used[j] else j):
-                total = total + loaded(t[i], c, like) * loaded(whitening[c], j, like)
-            stored(gain[i], j, total)
+            stored(gain[i], j, product(t, i, whitening, j, j, MEASURED, like) if used[j] else 0.0 * like)
         for j in range(i + 1):
-            total = loaded(p[i], j, like) - _product(t, i, t, j, 0, MEASURED, like)
+            total = loaded(p[i], j, like) - _row_product(t, i, t, j, MEASURED, like)
             stored(p[i], j, total)
             stored(p[j], i, total)
     gain[n:] = 0.0

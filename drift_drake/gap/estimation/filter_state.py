@@ -199,6 +199,15 @@ def linearise(
         stored(jacobian[6], 4, v * cos(course))
 
 
+@jitable
+def product(a: Any, i: Any, b: Any, j: Any, begin: Any, end: Any, like: Any) -> Any:
+    """Sum of a[i, c] b[c, j] over c from `begin` to before `end`; like: one of the car's numbers, here and below."""
+    total = loaded(a[i], begin, like) * loaded(b[begin], j, like)
+    for c in range(begin + 1, end):
+        total = total + loaded(a[i], c, like) * loaded(b[c], j, like)
+    return total
+
+
 @compiled
 def transition(jacobian: Any, period: Any, n: Any, f: Any, power: Any, scratch: Any, like: Any) -> Any:
     """exp(A period) to fourth order, A the first n rows and columns of the Jacobian.
@@ -217,10 +226,7 @@ def transition(jacobian: Any, period: Any, n: Any, f: Any, power: Any, scratch: 
     for order in range(1, 5):
         for i in range(n):
             for j in range(by):
-                total = loaded(jacobian[i], 0, like) * loaded(power[0], j, like)
-                for m in range(1, by):
-                    total = total + loaded(jacobian[i], m, like) * loaded(power[m], j, like)
-                stored(scratch[i], j, total * part / order)
+                stored(scratch[i], j, product(jacobian, i, power, j, 0, by, like) * part / order)
         for i in range(n):
             for j in range(by):
                 term = loaded(scratch[i], j, like)
@@ -232,10 +238,7 @@ def transition(jacobian: Any, period: Any, n: Any, f: Any, power: Any, scratch: 
             break
         for i in range(n):
             for j in range(n):
-                total = loaded(f[i], 0, like) * loaded(f[0], j, like)
-                for m in range(1, n):
-                    total = total + loaded(f[i], m, like) * loaded(f[m], j, like)
-                stored(power[i], j, select(0.0, more, total, loaded(f[i], j, like)))
+                squared = product(f, i, f, j, 0, n, like)
+                stored(power[i], j, select(0.0, more, squared, loaded(f[i], j, like)))
         for i in range(n):
-            for j in range(n):
-                stored(f[i], j, loaded(power[i], j, like))
+            copied(power[i], f[i])

@@ -9,7 +9,7 @@ from drift_drake.car.actuated import STAGES
 from drift_drake.car.compilation import compiled, copied
 from drift_drake.car.effects.magnitudes import depends_on_heading
 from drift_drake.car.lanes import LANES, load_lanes, load_lanes_tuple, store_lanes
-from drift_drake.car.scalar import jitable
+from drift_drake.car.scalar import anywhere, jitable
 from drift_drake.car.single_track.equations import cars_in_lanes
 from drift_drake.gap.estimation.filter import (
     UNMEASURED,
@@ -31,7 +31,7 @@ from drift_drake.gap.estimation.filter_state import (
     rates_of,
     transition,
 )
-from drift_drake.gap.estimation.problem import Filtered, Gains, Problem, car, first_row
+from drift_drake.gap.estimation.problem import Filtered, Gains, Problem, first_row
 from drift_drake.gap.estimation.variants import Variant, in_lanes, ready, wrench_at
 
 SLIP_VARIANCE = 1e-4  # first, of a slip that lags
@@ -57,9 +57,8 @@ def _first_covariance(noise: Any, used: Any, moving: Any, p: Any, like: Any) -> 
 
 @compiled
 def filter_in_lanes(
-    y: Any, first: Any, used: Any, delta: Any, torque: Any, period: Any, substeps: Any, constants: Any, tyre: Any,
-    effects: Any, noise: Any, process: Any, wrenches: Any, relaxed: Any, graded: Any, innovations: Any, gains: Any,
-    whitenings: Any,
+    y: Any, first: Any, used: Any, delta: Any, torque: Any, period: Any, substeps: Any, constants: Any,
+    effects: Any, noise: Any, process: Any, wrenches: Any, innovations: Any, gains: Any, whitenings: Any,
 ) -> Any:  # fmt: skip
     """Extended Kalman filter over LANES runs.
 
@@ -67,26 +66,20 @@ def filter_in_lanes(
         y: measurements [rows, 9 * LANES] in the order of CHANNELS; first: row to start from, whose innovations and
             those before are left zero; used: which channels count [9].
         delta, torque: on the stages' grid [count * LANES]; period: [s]; substeps: Runge-Kutta steps a row.
-        constants [NUMBERS * LANES], tyre, effects [COUNT * LANES]: the cars.
+        constants, effects: of the cars (`cars_in_lanes`).
         noise: measurement variances [9]; process: process noise of the first nine states, variance a second [9].
         wrenches: [rows, 3 * LANES] from each row to the next; none with zero rows.
-        relaxed, graded: whether a car's tyres relax, a car's forces depend on its heading.
         innovations: [rows, 9 * LANES], filled.
         gains (states by channels), whitenings: an array [rows, 9, 9] a lane, filled as far as it has rows.
     """
-    n, m, size = CORRECTED, MEASURED, LANES
-    z, k, w = np.zeros(SIZE * size), np.zeros((SIZE + 2) * size), np.zeros((2, SIZE * size))
-    probe, jacobian = np.zeros(SIZE * size), np.zeros((SIZE + 2, n * size))
-    p, f, t, scratch = (
-        np.zeros((n, n * size)),
-        np.zeros((n, n * size)),
-        np.zeros((n, n * size)),
-        np.zeros((n, n * size)),
-    )
-    h, ph, s, low = np.zeros((m, n * size)), np.zeros((m, n * size)), np.zeros((m, m * size)), np.zeros((m, m * size))
-    gain, whitening = np.zeros((n, m * size)), np.zeros((m, m * size))
-    predicted, nu = np.zeros(m * size), np.zeros(m * size)
-    car, q = cars_in_lanes(constants, effects, tyre)
+    n, m = CORRECTED * LANES, MEASURED * LANES
+    z, k, w = np.zeros(SIZE * LANES), np.zeros((SIZE + 2) * LANES), np.zeros((2, SIZE * LANES))
+    probe, jacobian, p = np.zeros(SIZE * LANES), np.zeros((SIZE + 2, n)), np.zeros((CORRECTED, n))
+    f, t, scratch = np.zeros((CORRECTED, n)), np.zeros((CORRECTED, n)), np.zeros((CORRECTED, n))
+    h, ph, s, low = np.zeros((MEASURED, n)), np.zeros((MEASURED, n)), np.zeros((MEASURED, m)), np.zeros((MEASURED, m))
+    gain, whitening, predicted, nu = np.zeros((CORRECTED, m)), np.zeros((MEASURED, m)), np.zeros(m), np.zeros(m)
+    car, q = cars_in_lanes(constants, effects)
+    relaxed, graded = anywhere(q.tyre_relaxation), depends_on_heading(q)
     none, like, moving = load_lanes_tuple(nu, 0, 3), q[0], CORRECTED if relaxed else UNRELAXED
     measurement_matrix(q, h)
     at = STAGES * first
@@ -137,16 +130,13 @@ def _filtered(
 ) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
     """Innovations [rows, 9], gains and whitening matrices [rows, 9, 9] of up to LANES passes that start alike."""
     given = in_lanes([ready(problem, i, variant) for variant, i in passes])
-    effects = [car(problem, variant.theta, variant.names)[1] for variant, _ in passes]
     run, rows = problem.runs[passes[0][1]], [len(problem.runs[i].y) for _, i in passes] + [0] * (LANES - len(passes))
     gains, whitenings = (tuple(np.empty((count, *shape)) for count in rows)
                          for shape in ((CORRECTED, MEASURED), (MEASURED, MEASURED)))  # fmt: skip
     innovations = np.empty((len(given.y), MEASURED * LANES))
     filter_in_lanes(
         given.y, first_row(run, passes[0][0].names), run.used, given.delta, given.torque, run.period, SUBSTEPS,
-        given.constants,         problem.nominal.tyre, given.effects, problem.noise**2, problem.process, given.wrench,
-        any(q.tyre_relaxation > 0.0 for q in effects), any(map(depends_on_heading, effects)), innovations, gains,
-        whitenings,
+        given.constants, given.effects, problem.noise**2, problem.process, given.wrench, innovations, gains, whitenings,
     )  # fmt: skip
     by_lane = np.moveaxis(innovations.reshape(-1, MEASURED, LANES), -1, 0)
     return [(by_lane[lane, : rows[lane]].copy(), gains[lane], whitenings[lane]) for lane in range(len(passes))]

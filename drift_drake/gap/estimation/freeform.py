@@ -119,7 +119,7 @@ def forced(
     [rows, SIZE]. The columns [count, channels * shapes] are those of the first channel, then of the next.
     """
     run, units, base = problem.runs[index], force_units(problem), gains.innovations[index]
-    out = np.empty((counted(problem, run, base).size, len(FORCE_CHANNELS) * shapes.shape[1]))
+    out = np.empty((counted(problem, run, base).size, len(FORCE_CHANNELS), shapes.shape[1]))
     commands = run_commands(problem, index, fit.theta, car(problem, fit.theta, fit.names)[1])
     unforced = Variant(fit.theta, fit.names, commands=commands)
     for first in range(0, shapes.shape[1], TOGETHER):
@@ -135,9 +135,10 @@ def forced(
         e = observe_each(problem, gains, index, variants, since, known)
         change = np.zeros((*base.shape, len(variants)))
         change[since + 1 :] = np.moveaxis(e[:, 1:] - base[since + 1 :], 0, -1)
-        columns = (np.arange(len(FORCE_CHANNELS))[:, None] * shapes.shape[1] + first + np.arange(some.shape[1])).ravel()
-        out[:, columns] = counted(problem, run, change).reshape(-1, len(variants))
-    return out
+        out[:, :, first : first + TOGETHER] = counted(problem, run, change).reshape(
+            -1, len(FORCE_CHANNELS), some.shape[1]
+        )
+    return out.reshape(len(out), -1)
 
 
 def offset_responses(problem: Problem, gains: Gains, fit: Fitted, index: int, base: np.ndarray) -> np.ndarray:

@@ -83,10 +83,7 @@ def _advance(x: Any, row: Any, period: Any, steps: Any, delta: Any, torque: Any,
         end = _commanded(delta, torque, row, (step + 1.0) / steps, command)
         runge_kutta(rates, x, begin, middle, end, period / steps, car, k, w)
         begin = end
-        for lane in range(LANES):
-            v, omega_r = x[LANES + lane], x[3 * LANES + lane]
-            x[LANES + lane] = signed_floor(v, MIN_FILTER_SPEED)
-            x[3 * LANES + lane] = min(omega_r, 0.0) if v < 0.0 else max(omega_r, 0.0)
+        hold_speeds(x, load_lanes(x, 0))
 
 
 @jitable
@@ -102,7 +99,7 @@ def _next_starts(starts: Any, s: Any, each: Any, lead: Any, at: Any, start: Any,
 
 
 @jitable
-def _errors(y: Any, end: Any, effects: Any, z: Any, lane: Any, cars: Any, out: Any) -> None:
+def write_errors(y: Any, end: Any, effects: Any, z: Any, lane: Any, cars: Any, out: Any) -> None:
     """Writes the errors [5] at a row of one of the cars z [size * cars]."""
     r, v, beta, omega_r = unbiased(y[end, 0], y[end, 1], y[end, 2], y[end, 3], effects)
     out[0], out[1] = r - z[lane], v - z[cars + lane]
@@ -164,7 +161,7 @@ def predict_in_lanes(
                         _copied(before, lane, carried)
             for lane in range(LANES if part > 0 else 0):
                 index = min(lane * each + s, len(starts) - 1)
-                _errors(y, start[lane] + part * stride_rows, effects, z, lane, LANES, out[index, part - 1])
+                write_errors(y, start[lane] + part * stride_rows, effects, z, lane, LANES, out[index, part - 1])
 
 
 @compiled
@@ -190,7 +187,7 @@ def predict_one_by_one(
             for row in range(at_row + h * stride_rows, at_row + (h + 1) * stride_rows):
                 _advance_one(z, row, period, delta, torque, start_y, fed, wrenches, wrench, (constants, effects),
                              bounds, k, w)  # fmt: skip
-            _errors(y, at_row + (h + 1) * stride_rows, effects, z, 0, 1, out[s, h])
+            write_errors(y, at_row + (h + 1) * stride_rows, effects, z, 0, 1, out[s, h])
 
 
 @jitable

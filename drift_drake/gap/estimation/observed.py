@@ -32,7 +32,7 @@ NO_STATE = np.empty(0)
 
 @compiled
 def observe_in_lanes(
-    y: Any, first: Any, used: Any, delta: Any, torque: Any, period: Any, substeps: Any, constants: Any, tyre: Any,
+    y: Any, first: Any, used: Any, delta: Any, torque: Any, period: Any, substeps: Any, constants: Any,
     effects: Any, wrenches: Any, gain: Any, whitening: Any, known: Any, innovations: Any, states: Any,
 ) -> Any:  # fmt: skip
     """Innovations [rows, 9 * LANES] of one run; `states` [rows, SIZE * LANES] receives the corrected states.
@@ -40,7 +40,7 @@ def observe_in_lanes(
     Args:
         y: measurements [rows, 9 * LANES]; first: row to start from; used: which channels count [9].
         delta, torque: on the stages' grid [count * LANES]; period: [s]; substeps: Runge-Kutta steps a row.
-        constants [NUMBERS * LANES], tyre, effects [COUNT * LANES]: the cars.
+        constants, effects: of the cars (`cars_in_lanes`).
         wrenches: [rows, 3 * LANES], from each row to the next; none with zero rows.
         gain, whitening: of the filter [rows, 9, 9].
         known: corrected states [SIZE * LANES] at `first`; with zero numbers they are what the row measures.
@@ -48,7 +48,7 @@ def observe_in_lanes(
     """
     z, k, w = np.zeros(SIZE * LANES), np.zeros((SIZE + 2) * LANES), np.zeros((2, SIZE * LANES))
     predicted, nu = np.zeros(MEASURED * LANES), np.zeros(MEASURED * LANES)
-    p, q = cars_in_lanes(constants, effects, tyre)
+    p, q = cars_in_lanes(constants, effects)
     none = load_lanes_tuple(nu, 0, 3)
     if len(known) > 0:
         copied(known, z)
@@ -80,7 +80,7 @@ def _observe(
     states = np.empty((len(given.y) if keep else 0, SIZE * LANES))
     observe_in_lanes(
         given.y, max(first_row(run, variants[0].names) - since, 0), run.used, given.delta, given.torque, run.period,
-        substeps, given.constants, problem.nominal.tyre, given.effects, given.wrench, gains.gain[index][since:],
+        substeps, given.constants, given.effects, given.wrench, gains.gain[index][since:],
         gains.whitening[index][since:], np.repeat(known, LANES), innovations, states,
     )  # fmt: skip
     e, z = (np.moveaxis(values.reshape(len(values), values.shape[1] // LANES, LANES), -1, 0)[: len(variants)]
@@ -108,13 +108,6 @@ def observe_each(
             some = alike[begin : begin + LANES]
             out[some], _ = _observe(problem, gains, index, [variants[i] for i in some], since, known, substeps, False)
     return out
-
-
-def observe(
-    problem: Problem, gains: Gains, theta: np.ndarray, names: Sequence[str], index: int, substeps: int = SUBSTEPS
-) -> np.ndarray:
-    """Whitened innovations [rows, 9] of one run and one car under frozen gains."""
-    return observe_each(problem, gains, index, [Variant(theta, names)], substeps=substeps)[0]
 
 
 def filtered_states(problem: Problem, gains: Gains, theta: np.ndarray, names: Sequence[str], index: int) -> np.ndarray:

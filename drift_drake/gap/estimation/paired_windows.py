@@ -17,6 +17,7 @@ from drift_drake.car.lanes import LANES, load_lanes, load_lanes_tuple
 from drift_drake.car.scalar import fixed_tuple, jitable, signed_floor, stored
 from drift_drake.car.single_track.equations import NUMBERS, cars_in_lanes
 from drift_drake.gap.estimation.filter_state import MIN_FILTER_SPEED, hold_speeds
+from drift_drake.gap.estimation.lane_windows import write_errors
 
 FOLLOWING = 0.0125  # [s] of a step of internal states along the measured motion, at most
 
@@ -25,11 +26,11 @@ FOLLOWING = 0.0125  # [s] of a step of internal states along the measured motion
 def _cars(constants: Any, effects: Any, car: Any, p: Any, q: Any) -> Any:
     """Each lane's car, of constants [cars, NUMBERS + 1] and effects [cars, COUNT]; p, q: scratch."""
     for lane in range(LANES):
-        for i in range(NUMBERS):
+        for i in range(NUMBERS + 1):
             p[i * LANES + lane] = constants[car[lane], i]
         for i in range(COUNT):
             q[i * LANES + lane] = effects[car[lane], i]
-    return cars_in_lanes(p, q, constants[0, NUMBERS])
+    return cars_in_lanes(p, q)
 
 
 @jitable
@@ -118,7 +119,7 @@ def follow_in_lanes(
     size = out.shape[2]
     z, k, decay = np.zeros(size * LANES), np.zeros(size * LANES), np.zeros(size * LANES)
     command, read, wrench_now = np.zeros(2 * LANES), np.zeros(5 * LANES), np.zeros(3 * LANES)
-    p, q = np.zeros(NUMBERS * LANES), np.zeros(COUNT * LANES)
+    p, q = np.zeros((NUMBERS + 1) * LANES), np.zeros(COUNT * LANES)
     car, row = np.zeros(LANES, np.int64), np.zeros(LANES, np.int64)
     count = max(2, int(np.ceil(period / FOLLOWING - 1e-9)))
     h, steps = period / count, np.full(LANES, count)
@@ -165,7 +166,7 @@ def predict_in_pairs(
     windows, size = len(starts), internal.shape[2]
     z, k, w = np.zeros(size * LANES), np.zeros(size * LANES), np.zeros((2, size * LANES))
     command, read, wrench_now = np.zeros(2 * LANES), np.zeros(5 * LANES), np.zeros(3 * LANES)
-    p, q = np.zeros(NUMBERS * LANES), np.zeros(COUNT * LANES)
+    p, q = np.zeros((NUMBERS + 1) * LANES), np.zeros(COUNT * LANES)
     car, window, row = np.zeros(LANES, np.int64), np.zeros(LANES, np.int64), np.zeros(LANES, np.int64)
     steps, h = np.ones(LANES, np.int64), np.zeros(LANES)
     pairs = len(constants) * windows
@@ -195,9 +196,5 @@ def predict_in_pairs(
                     hold_speeds(z, q_cars[0])
                 row += 1
             for lane in range(min(LANES, pairs - first)):
-                r, v, beta, omega_r = unbiased(y[row[lane], 0], y[row[lane], 1], y[row[lane], 2], y[row[lane], 3],
-                                               Effects(*fixed_tuple(effects[car[lane]], COUNT)))  # fmt: skip
-                to = out[car[lane], window[lane], horizon]
-                to[0], to[1] = r - z[lane], v - z[LANES + lane]
-                to[2], to[3] = beta - z[2 * LANES + lane], omega_r - z[3 * LANES + lane]
-                to[4] = y[row[lane], 4] - z[4 * LANES + lane]
+                own = Effects(*fixed_tuple(effects[car[lane]], COUNT))
+                write_errors(y, row[lane], own, z, lane, LANES, out[car[lane], window[lane], horizon])

@@ -1,4 +1,4 @@
-"""The runs of one case as measurements for the filter, and the innovations of a hypothesis' parameters.
+"""The runs of one case as measurements for the filter, and the car that a hypothesis' parameters are of.
 
 A parameter vector theta holds the nuisances first: the tolerances of the vehicle, in units of their standard
 deviation; then what the two commands were before each run's first row, relative to that row, in units of

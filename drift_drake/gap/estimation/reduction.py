@@ -42,7 +42,7 @@ def predicted_ahead(
     """Measurements of one run that a hypothesis predicts from its own filter's states (`roll_out`)."""
     states = filtered_states(problem, gains, theta, names, index)
     given = ready(problem, index, Variant(theta, names))
-    return roll_out(given, problem.nominal.tyre, problem.runs[index].period, states, starts, steps)
+    return roll_out(given, problem.runs[index].period, states, starts, steps)
 
 
 def prediction_squares(

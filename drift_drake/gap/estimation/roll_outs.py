@@ -21,7 +21,7 @@ from drift_drake.gap.estimation.variants import Ready, in_lanes, wrench_at
 
 @compiled
 def roll_in_lanes(
-    z: Any, steps: Any, delta: Any, torque: Any, period: Any, substeps: Any, constants: Any, tyre: Any, effects: Any,
+    z: Any, steps: Any, delta: Any, torque: Any, period: Any, substeps: Any, constants: Any, effects: Any,
     wrenches: Any, out: Any,
 ) -> Any:  # fmt: skip
     """Moves states z [SIZE * LANES] on; out [steps, 9 * LANES]: measurements, `steps` rows ahead.
@@ -30,7 +30,7 @@ def roll_in_lanes(
         steps: one or more, above zero, ascending; the rest is as in `filtered.filter_in_lanes`.
     """
     k, w, predicted = np.zeros((SIZE + 2) * LANES), np.zeros((2, SIZE * LANES)), np.zeros(MEASURED * LANES)
-    p, q = cars_in_lanes(constants, effects, tyre)
+    p, q = cars_in_lanes(constants, effects)
     none = load_lanes_tuple(k, 0, 3)
     n = 0
     for row in range(1, steps[-1] + 1):
@@ -43,13 +43,11 @@ def roll_in_lanes(
             n += 1
 
 
-def roll_out(
-    car: Ready, tyre: float, period: float, states: np.ndarray, starts: np.ndarray, steps: np.ndarray
-) -> np.ndarray:
+def roll_out(car: Ready, period: float, states: np.ndarray, starts: np.ndarray, steps: np.ndarray) -> np.ndarray:
     """Predicted measurements [starts, steps, 9]; NaN beyond the run's end.
 
     Args:
-        car: as it drives through the whole run; tyre: its place in `TYRES`; period: between rows [s].
+        car: as it drives through the whole run; period: between rows [s].
         states: at each row [rows, SIZE]; starts: rows to start from; steps: rows ahead, above zero, ascending.
     """
     rows = len(car.y)
@@ -60,10 +58,9 @@ def roll_out(
         if not len(reached):
             continue
         given = in_lanes([_part(car, start, min(start + int(reached[-1]), rows - 1)) for start in some])
-        z = np.repeat(states[some[-1:]], LANES, axis=0)
-        z[: len(some)] = states[some]
+        z = states[np.append(some, np.repeat(some[-1:], LANES - len(some)))]
         ahead = np.empty((len(reached), MEASURED * LANES))
-        roll_in_lanes(z.T.ravel(), reached, given.delta, given.torque, period, SUBSTEPS, given.constants, tyre,
+        roll_in_lanes(z.T.ravel(), reached, given.delta, given.torque, period, SUBSTEPS, given.constants,
                       given.effects, given.wrench, ahead)  # fmt: skip
         found = np.moveaxis(ahead.reshape(len(reached), MEASURED, LANES), -1, 0)[: len(some)]
         inside = some[:, None] + reached < rows

@@ -9,7 +9,6 @@ from drift_drake.car.actuated import STAGES, without_actuators
 from drift_drake.car.lanes import LANES, load_lanes_tuple
 from drift_drake.car.road import NO_WRENCH, on_road, with_bank
 from drift_drake.car.scalar import jitable
-from drift_drake.car.single_track.equations import NUMBERS
 from drift_drake.gap.estimation.problem import Commands, Problem, car, run_commands
 
 
@@ -30,7 +29,7 @@ class Ready(NamedTuple):
     y: np.ndarray  # [rows, 9]
     delta: np.ndarray  # [count] on the stages' grid
     torque: np.ndarray  # [count]
-    constants: np.ndarray  # [NUMBERS]
+    constants: np.ndarray  # [len(Constants)]
     effects: np.ndarray  # [COUNT]
     wrench: np.ndarray  # [rows, 3], from each row to the next; no rows where there is none
 
@@ -45,7 +44,7 @@ def ready(problem: Problem, index: int, variant: Variant, since: int = 0) -> Rea
         torque = torque + np.interp(grid, np.arange(len(variant.extra_torque)), variant.extra_torque)
     dynamic, banked = on_road(run.bank, constants.mass, constants.gravity, without_actuators(effects))
     y = run.y if variant.y is None else variant.y
-    return Ready(y[since:], delta[STAGES * since :], torque[STAGES * since :], np.array(constants[:NUMBERS], float),
+    return Ready(y[since:], delta[STAGES * since :], torque[STAGES * since :], np.array(constants, float),
                  np.array(dynamic, float), with_bank(variant.wrench, banked)[since:])  # fmt: skip
 
 

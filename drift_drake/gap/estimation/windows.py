@@ -154,10 +154,9 @@ def run_errors_of(
     driven = [_driven(run, constants, effects, wrench) for constants, effects in cars]
     out = np.empty((len(cars), len(run.starts), horizons, len(PREDICTED)))
     if kind_of(cars[0][0]).STEPPED:
-        # Other packages' effects may know one car only.
-        few = installed_effects() or len(run.starts) <= FEW
+        one_by_one = installed_effects() or len(run.starts) <= FEW
         for (constants, _), (delta, torque, effects, banked), found in zip(cars, driven, out, strict=True):
-            (predict_one_by_one if few else predict_in_lanes)(
+            (predict_one_by_one if one_by_one else predict_in_lanes)(
                 run.start_y, run.y, run.starts, run.stride_rows, delta, torque, run.period, constants, effects, run.fed,
                 banked, size_of(constants), BOUNDS, found,
             )  # fmt: skip

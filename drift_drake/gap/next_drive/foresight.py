@@ -127,7 +127,7 @@ def readings(vehicle: VehicleParameters, sensing: Sensing, truth: Belief, drive:
     y[0, :4] = measured(*states[0, :4], effects)
     y[0, CHANNELS.index("psi")] = drive.heading
     driven = ready(problem, 0, Variant(theta, truth.names))
-    y[1:] = roll_out(driven, problem.nominal.tyre, PERIOD, states, np.array([0]), np.arange(1, rows))[0]
+    y[1:] = roll_out(driven, PERIOD, states, np.array([0]), np.arange(1, rows))[0]
     return y
 
 

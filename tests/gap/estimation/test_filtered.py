@@ -12,7 +12,7 @@ from drift_drake.car.parameters import VehicleParameters
 from drift_drake.gap.estimation.filter_state import SIZE
 from drift_drake.gap.estimation.filtered import filter_case, filter_each
 from drift_drake.gap.estimation.make_problem import make_problem
-from drift_drake.gap.estimation.observed import observe, observe_each
+from drift_drake.gap.estimation.observed import observe_each
 from drift_drake.gap.estimation.roll_outs import roll_out
 from drift_drake.gap.estimation.variants import Variant, ready
 
@@ -51,7 +51,8 @@ def test_more_variants_than_lanes_and_late_ones_keep_their_order(problem):
     thetas = [np.append(nothing, 0.01 * (k + 1)) for k in range(len(names))]
     found = observe_each(problem, gains, 1, [Variant(theta, (n,)) for theta, n in zip(thetas, names, strict=True)])
     for e, theta, name in zip(found, thetas, names, strict=True):
-        np.testing.assert_allclose(e, observe(problem, gains, theta, (name,), 1), atol=STEPS_ALIKE)
+        alone = observe_each(problem, gains, 1, [Variant(theta, (name,))])[0]
+        np.testing.assert_allclose(e, alone, atol=STEPS_ALIKE)
 
 
 def test_a_roll_out_ends_with_its_run(problem):
@@ -59,10 +60,10 @@ def test_a_roll_out_ends_with_its_run(problem):
     states[:, [1, 3]] = 10.0
     car = ready(problem, 1, Variant(np.zeros(problem.nuisances), ()))
     starts = np.arange(len(run.y) - 30, len(run.y), 3)
-    out = roll_out(car, problem.nominal.tyre, run.period, states, starts, np.array([1, 20, 500]))
+    out = roll_out(car, run.period, states, starts, np.array([1, 20, 500]))
     reached = starts[:, None] + np.array([1, 20, 500]) < len(run.y)
     np.testing.assert_array_equal(np.isfinite(out).all(axis=-1), reached)
-    one = roll_out(car, problem.nominal.tyre, run.period, states, starts[:1], np.array([1, 20, 500]))
+    one = roll_out(car, run.period, states, starts[:1], np.array([1, 20, 500]))
     np.testing.assert_allclose(out[:1, :2], one[:, :2], atol=1e-4)
 
 
@@ -76,7 +77,8 @@ from drift_drake.car.log.table import read_case
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.gap.estimation.filtered import filter_case
 from drift_drake.gap.estimation.make_problem import make_problem
-from drift_drake.gap.estimation.observed import observe
+from drift_drake.gap.estimation.observed import observe_each
+from drift_drake.gap.estimation.variants import Variant
 from drift_drake.gap.estimation.windows import errors, windowed
 
 runs = [run.rows(0, rows) for run, rows in zip(read_case(sys.argv[1])[:2], (120, 110), strict=True)]
@@ -84,7 +86,7 @@ problem, names = make_problem(runs, VehicleParameters()), ("tyre_relaxation",)
 theta = np.append(np.zeros(problem.nuisances), 0.3)
 gains = filter_case(problem, theta, names)
 e = errors([windowed(run) for run in runs], VehicleParameters().constants(), make_effects({"tyre_thermal_fade": 0.1}))
-np.savez(sys.argv[2], *gains.innovations, observe(problem, gains, theta, names, 1), e)
+np.savez(sys.argv[2], *gains.innovations, *observe_each(problem, gains, 1, [Variant(theta, names)]), e)
 """  # on a few rows
 
 

@@ -9,9 +9,9 @@ from drift_drake.car.parameters import VehicleParameters
 from drift_drake.gap.estimation.filtered import filter_case
 from drift_drake.gap.estimation.fit import MAGNITUDE_STEP, laplace_terms, last_derivative, sensitivity
 from drift_drake.gap.estimation.make_problem import make_problem
-from drift_drake.gap.estimation.observed import observe, observe_case
+from drift_drake.gap.estimation.observed import observe_case
 from drift_drake.gap.estimation.prior import NO_GAP, bounds, is_gap, log_density, starts
-from drift_drake.gap.estimation.problem import NUISANCES, flat
+from drift_drake.gap.estimation.problem import NUISANCES
 from drift_drake.gap.estimation.variants import Variant
 from tests.gap.fits import fit
 
@@ -25,8 +25,7 @@ def problem(stiffness_case):
 
 def coarse(problem, gains, theta):
     """Innovations that count by one Runge-Kutta step a row."""
-    runs = range(len(problem.runs))
-    return flat(problem, [observe(problem, gains, theta, NAMES, i, substeps=1) for i in runs])
+    return observe_case(problem, gains, [Variant(theta, NAMES)], substeps=1)[0]
 
 
 def test_derivatives_agree_with_central_differences(problem):

@@ -260,6 +260,21 @@ def test_physics_that_numba_cannot_compile_are_named_before_anything_begins(tmp_
     assert "effect side_wind: numba cannot compile its force (" in refused.stderr
 
 
+@pytest.mark.parametrize("force", ["magnitude if v > 5.0 else 0.0", "math.tanh(v) * magnitude"])
+def test_physics_that_do_not_compute_several_cars_at_once_are_named(tmp_path: Path, force: str) -> None:
+    source = f"""
+import math
+from drift_drake import Effect
+WIND = Effect("N", 0.0, 900.0, "a force", shown_by="a straight",
+              force=lambda r, v, beta, omega_r, psi, car, magnitude: (0.0, {force}, 0.0))
+"""
+    install_package(tmp_path, "wind", source, "effects", {"side_wind": "WIND"})
+    refused = run(tmp_path, "-m", "drift_drake", "effects", jit=True)
+    assert (refused.returncode, refused.stdout, refused.stderr.count("\n")) == (2, "", 1)
+    assert "effect side_wind: numba cannot compile its force (" in refused.stderr
+    assert "select in place of if" in refused.stderr
+
+
 def test_columns_that_an_effect_may_need_are_those_of_logs() -> None:
     assert set(LOG_COLUMNS) == set(COLUMNS) - {"t"}
 

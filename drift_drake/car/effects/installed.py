@@ -7,8 +7,8 @@ import keyword
 import math
 import random
 import sys
-from collections.abc import Callable, Mapping
-from contextlib import redirect_stdout, suppress
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager, redirect_stdout, suppress
 from functools import cache
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
@@ -248,23 +248,38 @@ def _see_that_it_compiles(name: str, effect: Effect) -> None:
         return
     import numba
 
+    from drift_drake.car.lanes import lanes
+
     if numba.config.DISABLE_JIT:
         return
     own = (0.0,) if effect.rate else ()
+    constants = REFERENCE.constants()
+    cars = numba.types.NamedTuple((*[lanes] * (len(constants) - 1), numba.float64), type(constants))
     for kind, function in functions.items():
-        compiled = numba.njit(function)
-        try:
-            compiled(*_calls(*_states()[0], effect.high, own)[kind])
-        except Exception as error:  # of many classes
-            lines = [line.strip() for line in str(error).splitlines() if line.strip() and "pipeline" not in line]
-            raise InvalidExtensionError(
-                f"effect {name}: numba cannot compile its {kind} ({' '.join(lines[:2])}); use plain arithmetic and the "
-                "functions of drift_drake.car.scalar"
-            ) from None
+        compiled, arguments = numba.njit(function), _calls(*_states()[0], effect.high, own)[kind]
+        with _named(name, kind):
+            compiled(*arguments)
         magnitudes = (0.0, effect.low, effect.high, 0.5 * effect.high, 2.0 * effect.high)
         for moving, magnitude in itertools.product((*_states(), *EXTREMES), magnitudes):
             with suppress(ArithmeticError, ValueError):  # that all is finite is seen in `_tried`
                 compiled(*_calls(*moving, magnitude, own)[kind])
+        with _named(name, kind):  # a diagnosis computes several cars at once: `if` compares none of their numbers
+            numba.njit(function, no_cpython_wrapper=True).compile(
+                tuple(lanes if isinstance(argument, float) else cars for argument in arguments)
+            )
+
+
+@contextmanager
+def _named(name: str, kind: str) -> Iterator[None]:
+    """Has an error of numba's name the function."""
+    try:
+        yield
+    except Exception as error:  # of many classes
+        lines = [line.strip() for line in str(error).splitlines() if line.strip() and "pipeline" not in line]
+        raise InvalidExtensionError(
+            f"effect {name}: numba cannot compile its {kind} ({' '.join(lines[:2])}); use plain arithmetic and the "
+            "functions of drift_drake.car.scalar (select in place of if)"
+        ) from None
 
 
 def _check_state(where: str, effect: Effect) -> tuple[float, ...]:

@@ -1,18 +1,20 @@
-"""Information gathering on one vehicle: plan, execute with the tracking controller, log, decimate, adapt; then which
-model to drive with, the car that the informative drives identify or the learnt one, adapting.
+"""Information gathering on one vehicle: check the steering, plan, execute with the tracking controller, log,
+decimate, adapt; then which model to drive with, the car that the informative drives identify or the learnt one.
 
 python -m diagrams.information_gathering --vehicle 3     # one vehicle: OCP, Info-OCP, second Info-OCP
 python -m diagrams.information_gathering --graph         # draws the diagram of the execution
 """
 
 import dataclasses
+from functools import partial
 from pathlib import Path
 
 from diagrams.command import run_command
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.common.run_folder import make_run_folder
-from drift_drake.drive.gathering.gather import execution, learn_drives, taught
-from drift_drake.drive.gathering.plan import InfeasiblePlanError, plan_again, plan_drive
+from drift_drake.drive.gathering.gather import check_steering, execution, learn_drives, taught, with_steering
+from drift_drake.drive.gathering.plan import InfeasiblePlanError, Trajectory, plan_again, plan_drive
+from drift_drake.drive.gathering.rehearsed_plan import boldest
 from drift_drake.drive.learnt.checkpoint import load_model
 from drift_drake.drive.learnt.posterior import Posterior, covariance_norms
 from drift_drake.gap.choose.choice import ask
@@ -39,6 +41,8 @@ def main(options: Options) -> None:
     options = options.resolved()
     model, config, parameters = load_model(options.checkpoint), options.gathering, VehicleParameters()
     effects = draw_effects(options.population, options.vehicle, 0)
+    if config.checks:
+        model, config = with_steering(model, config, check_steering(effects, parameters, config, options.seed))
     beliefs = {"prior": model.prior()}
     nominal = plan_drive(model, beliefs["prior"], config, 0.0)
     if options.graph:
@@ -49,14 +53,22 @@ def main(options: Options) -> None:
             print(path)
         return
     driven = []
+    if not config.steering.usual:
+        print(f"a slow drive shows {config.steering.sentence()}")
     print(f"{'model':>12}  {'r':>9} {'v':>9} {'beta':>9} {'omega_r':>9} {'total':>9}   (alpha {config.alpha:g})")
-    first = plan_drive(model, beliefs["prior"], config, config.alpha, options.seed)
+
+    def planned(name: str, share: float) -> Trajectory:
+        if name == "Once-Info":
+            return plan_drive(model, beliefs["prior"], config, share * config.alpha, options.seed)
+        return plan_again(model, beliefs["Once-Info"], first, config, options.seed + 1, share)
+
+    first = boldest(partial(planned, "Once-Info"), parameters, config)
     _report("prior", beliefs["prior"])
     for name, before in (("Once-OCP", "prior"), ("Once-Info", "prior"), ("Twice-Info", "Once-Info")):
         trajectory = {"Once-OCP": nominal, "Once-Info": first}.get(name)
         if trajectory is None:
             try:
-                trajectory = plan_again(model, beliefs[before], first, config, options.seed + 1)
+                trajectory = boldest(partial(planned, name), parameters, config)
             except InfeasiblePlanError as error:
                 print(f"{name:>12}  not driven: {error}")
                 break

@@ -1,8 +1,9 @@
 """The simulated vehicles xi that the drives are made with: the nominal car and several effects, drawn together.
 
-Each effect of `TRAINING` is drawn for every vehicle from the distribution in its record, independently of the others;
-held-out vehicles come from the same distributions under other seeds. `OUT_OF_DISTRIBUTION` stretches each of them and
-adds effects that training never saw, `EXTREME` has single effects far beyond them: vehicles out of distribution.
+Each effect of `car.effects.drawn` is drawn for every vehicle from the distribution in its record, independently of the
+others; held-out vehicles come from the same distributions under other seeds. `OUT_OF_DISTRIBUTION` stretches each of
+them and adds effects that training never saw, `EXTREME` has single effects far beyond them: vehicles out of
+distribution.
 "nominal" is the nominal car, without an effect: its actuators follow at once, which those of no training vehicle do.
 """
 
@@ -11,6 +12,7 @@ from typing import Literal
 import numpy as np
 
 from drift_drake.car.effects.catalogue import CATALOGUE
+from drift_drake.car.effects.drawn import USUAL, drawn_effects
 from drift_drake.car.effects.magnitudes import Effects, make_effects
 from drift_drake.car.effects.record import Distribution
 
@@ -18,7 +20,6 @@ Population = Literal["train", "validation", "held_out", "wide", "extreme", "nomi
 POPULATIONS: tuple[Population, ...] = ("train", "validation", "held_out", "wide")
 
 
-TRAINING: dict[str, Distribution] = {name: effect.drawn for name, effect in CATALOGUE.items() if effect.drawn}
 _UNSEEN = {
     name: effect.drawn_out_of_distribution for name, effect in CATALOGUE.items() if effect.drawn_out_of_distribution
 }
@@ -40,7 +41,7 @@ def _out_of_distribution(name: str, d: Distribution) -> Distribution:
 
 
 OUT_OF_DISTRIBUTION: dict[str, Distribution] = {
-    name: _out_of_distribution(name, d) for name, d in TRAINING.items()
+    name: _out_of_distribution(name, d) for name, d in USUAL.items()
 } | _UNSEEN
 
 
@@ -54,12 +55,4 @@ def draw_effects(population: Population, index: int, seed: int) -> Effects:
     if population == "extreme":
         return make_effects(EXTREME[index % len(EXTREME)])
     generator = np.random.default_rng([seed, POPULATIONS.index(population), index])
-    distributions = OUT_OF_DISTRIBUTION if population == "wide" else TRAINING
-    return make_effects({name: _draw(d, generator) for name, d in distributions.items()})
-
-
-def _draw(d: Distribution, generator: np.random.Generator) -> float:
-    while True:
-        value = generator.uniform(d.low, d.high) if np.isinf(d.deviation) else generator.normal(d.mean, d.deviation)
-        if d.low <= value <= d.high:
-            return float(value)
+    return drawn_effects(generator, OUT_OF_DISTRIBUTION if population == "wide" else USUAL)

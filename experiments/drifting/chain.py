@@ -106,7 +106,7 @@ def main(config: ChainConfig) -> None:
     car = true_car(config.plant, config.vehicle, config.vehicle_seed)
     first = plan_drive(learnt, learnt.prior(), config.gathering, config.gathering.alpha)
     driven = informative_drives(learnt, first, Effects(), config.gathering, config.seed, car)
-    drives = runs_of([table for table, _ in driven])
+    drives = runs_of(driven.tables)
     choice = ask(drives, VehicleParameters())
     name, believes = believed(choice, config)
     runs = drifted(car, believes, config)

@@ -2,9 +2,9 @@
 
     python -m experiments.drifting.rehearsed --out runs/rehearsed
 
-Every fourth car has little torque, a slow steering (rate limit), little grip, or a late steering. Each drives the lane
-twice, its car is identified and rehearsed (`gap.choose.rehearsal`). The truth is a figure-8 of the real car under a
-controller that knows it. Broken off, the experiment goes on where it was (give --out).
+Every fourth car has little torque, a slow steering (rate limit), little grip, or a late steering. After a check of its
+steering each drives the lane twice; its car is identified and rehearsed (`gap.choose.rehearsal`). The truth is a
+figure-8 of the real car under a controller that knows it. Broken off, the experiment goes on where it was (give --out).
 """
 
 import dataclasses
@@ -23,7 +23,7 @@ from drift_drake.drive.gathering.plan import Trajectory, plan_drive
 from drift_drake.drive.learnt.checkpoint import BayesianModel, load_model
 from drift_drake.drive.loop.closed_loop import ControlConfig
 from drift_drake.gap.choose.choice import ask
-from drift_drake.gap.choose.identified import runs_of
+from drift_drake.gap.choose.identified import IdentifiedCar, runs_of
 from drift_drake.gap.choose.rehearsal import HELD, rehearse
 from experiments.benchmarks.vehicles import draw_effects
 from experiments.drifting.runs import DriveJob, drive
@@ -32,7 +32,7 @@ from experiments.made import RunConfig, begun, tabulated, write_report
 
 WORSE = {"torque_gain_error": (-0.8, -0.55), "steering_rate_limit": (0.15, 0.4), "friction_level": (-0.6, -0.4),
          "steering_lag": (0.4, 0.8)}  # fmt: skip
-ON_THE_LANE = "time"  # how a lane drive ends that ends as planned
+AS_PLANNED = "time"  # how a lane drive ends
 
 
 @dataclasses.dataclass(frozen=True)
@@ -59,21 +59,25 @@ def row(
 ) -> dict[str, Any]:
     """What is said of one car, and what is true."""
     driven = informative_drives(learnt, first, effects, gathering, 0)
-    car = ask(runs_of([table for table, _ in driven]), VehicleParameters()).found.car
+    steering, tables = driven.config.steering, driven.tables
+    car = ask(runs_of(tables), VehicleParameters()).found.car if tables else None
+    if car is None and not steering.usual:  # all that is known of the car
+        car = IdentifiedCar(VehicleParameters(), steering.effects)
     said = None if car is None else rehearse(car, VehicleParameters()).can
+    farthest = max((float(table["e"].abs().max()) for table in tables), default=0.0)
     m = drive(DriveJob(name, {}, "figure_8", effects, 0, "oracle", ControlConfig())).metrics
     true = m["outcome"] == "completed" and m["drifting"] >= HELD
     return {"what": name, "magnitude": getattr(effects, name), "said": said, "true": true,
-            "drives": [end for _, end in driven]}  # fmt: skip
+            "drives": [end for _, end in driven.logs], "farthest": farthest, "steering": steering}  # fmt: skip
 
 
-def text(rows: list[dict[str, Any]]) -> str:
-    """Counts by what makes the car a bad one."""
+def text(rows: list[dict[str, Any]], half_width: float) -> str:
+    """Counts by what makes the car a bad one; half_width: of the lane [m]."""
     cells = []
     for name in WORSE:
         some = [r for r in rows if r["what"] == name]
         can, cannot = [r for r in some if r["true"]], [r for r in some if not r["true"]]
-        left = sum(any(end != ON_THE_LANE for end in r["drives"]) for r in some)
+        left = sum(any(end != AS_PLANNED for end in r["drives"]) or r["farthest"] > half_width for r in some)
         cells.append((name, f"{sum(r['said'] is False for r in cannot)} of {len(cannot)}",
                       f"{sum(r['said'] is True for r in can)} of {len(can)}",
                       sum(r["said"] is None for r in some), f"{left} of {len(some)}"))  # fmt: skip
@@ -90,7 +94,7 @@ def main(config: RehearsedConfig) -> None:
         if not is_done(path):
             write_json(path, row(name, effects, learnt, first, config.gathering))
         rows.append(json.loads(path.read_text()))
-    write_report(folder, text(rows), config)
+    write_report(folder, text(rows, config.gathering.half_width), config)
 
 
 if __name__ == "__main__":

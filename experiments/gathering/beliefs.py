@@ -6,7 +6,7 @@ import json
 import math
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -14,6 +14,7 @@ import pandas as pd
 from drift_drake.car.double_track.car_file import double_track_from_dict
 from drift_drake.car.effects.magnitudes import Effects, make_effects
 from drift_drake.car.parameters import VehicleParameters
+from drift_drake.car.single_track.path_plant import PathPlant
 from drift_drake.car.vehicle_file import DOUBLE_TRACK
 from drift_drake.common.arrays import Array
 from drift_drake.common.errors import DriftDrakeError
@@ -21,8 +22,16 @@ from drift_drake.common.executors import ExecutorConfig, run_jobs
 from drift_drake.common.run_folder import is_done
 from drift_drake.common.safe_files import write_arrays
 from drift_drake.drive.gathering.config import GatheringConfig, lane
-from drift_drake.drive.gathering.gather import drive_samples, gather, learn_drive, learn_drives
+from drift_drake.drive.gathering.gather import (
+    check_steering,
+    drive_samples,
+    gather,
+    learn_drive,
+    learn_drives,
+    with_steering,
+)
 from drift_drake.drive.gathering.plan import InfeasiblePlanError, Trajectory, plan_again, plan_drive
+from drift_drake.drive.gathering.rehearsed_plan import boldest
 from drift_drake.drive.learnt.checkpoint import BayesianModel
 from drift_drake.drive.learnt.posterior import Posterior
 from drift_drake.drive.learnt.quality import squared_distances
@@ -33,7 +42,7 @@ from experiments.other_worlds.true_cars import TrueCar, true_plant
 Attempt = tuple[int, int]  # vehicle, noise seed
 
 ASKED = {"identified_once": 1, "identified": 2}  # of how many of the informative drives the car is asked
-SECOND_ROUND = 1000  # added to the noise seed of the second gathering drive
+SECOND_ROUND, CHECK = 1000, 2000  # added to the noise seed of the second gathering drive, of the steering's check
 
 
 class OtherVersionError(DriftDrakeError, ValueError):
@@ -76,64 +85,81 @@ class GatherJob:
     car: TrueCar = "single_track"
 
 
-def gather_beliefs(job: GatherJob) -> Taught:
-    """What is believed of a vehicle after each kind of gathering; no "twice_info" where no second plan was feasible."""
-    learnt, config, prior = job.learnt, job.config, job.learnt.prior()
-    seed, beliefs, lags = job.attempt[1], dict[str, Posterior](), dict[str, Array]()
+class Driven(NamedTuple):
+    """Informative drives on the lane."""
 
-    def drive(trajectory: Trajectory, drive_seed: int) -> pd.DataFrame:
-        plant = true_plant(job.car, job.effects, lane(config).path)
-        table, _ = gather(trajectory, job.effects, VehicleParameters(), config, drive_seed, plant)
-        return table
+    model: BayesianModel  # with the lag of the car's steering
+    config: GatheringConfig  # with the steering
+    logs: list[tuple[pd.DataFrame, str]]  # and how each ended (`gather`)
 
-    if "once_ocp" in job.wanted:
-        beliefs["once_ocp"] = learn_drive(learnt, prior, drive(job.ocp, seed), config)
-    if not job.wanted & {"once_info", "twice_info", *ASKED}:
-        return Taught(beliefs, None)
-
-    def print_row(name: str, tables: Sequence[pd.DataFrame], typical: Posterior) -> None:
-        """Keeps what is believed after drives, with the lags that they show."""
-        beliefs[name] = typical
-        if config.learn_lags:
-            found, beliefs[name] = learn_drives(learnt, tables, config)
-            lags[name] = found.lag
-
-    def asked() -> dict[str, Findings]:
-        """What the car is by as many drives as were wanted, where there are as many."""
-        counts = {name: count for name, count in ASKED.items() if name in job.wanted and count <= len(driven)}
-        return {name: ask(runs_of(driven[:count]), learnt.vehicle).found for name, count in counts.items()}
-
-    driven = [drive(job.info, seed)]
-    surprise = float(np.mean(squared_distances(learnt, prior, drive_samples(driven[0], config))))
-    once = learn_drive(learnt, prior, driven[0], config)
-    print_row("once_info", driven, once)
-    if job.wanted & {"twice_info", "identified"}:
-        try:
-            second = plan_again(learnt, once, job.info, config)
-        except InfeasiblePlanError:
-            return Taught(beliefs, surprise, asked(), lags)
-        driven.append(drive(second, SECOND_ROUND + seed))
-        print_row("twice_info", driven, learn_drive(learnt, once, driven[1], config))
-    return Taught(beliefs, surprise, asked(), lags)
+    @property
+    def tables(self) -> list[pd.DataFrame]:
+        """The logs."""
+        return [table for table, _ in self.logs]
 
 
 def informative_drives(
     learnt: BayesianModel, first: Trajectory, effects: Effects, config: GatheringConfig, seed: int,
-    car: TrueCar = "single_track",
-) -> list[tuple[pd.DataFrame, str]]:  # fmt: skip
-    """Logs of two informative drives on the lane and how each ended (`gather`): of the first plan, and of one with what
-    that has taught; one drive where no second plan is feasible."""
-    plan, driven = first, list[tuple[pd.DataFrame, str]]()
-    for drive_seed in (seed, SECOND_ROUND + seed):
-        if driven:
-            once = learn_drive(learnt, learnt.prior(), driven[0][0], config)
-            try:
-                plan = plan_again(learnt, once, first, config)
-            except InfeasiblePlanError:
+    car: TrueCar = "single_track", rounds: int = 2,
+) -> Driven:  # fmt: skip
+    """Drives of the first plan, and of one with what that has taught.
+
+    None where no plan keeps to the lane, and one where no second plan was feasible. Where a slow drive before them
+    shows a steering that is not as usual, both are planned and tracked with it, and the first is repeated where no
+    second one keeps to the lane.
+    """
+
+    def plant() -> PathPlant | None:
+        return true_plant(car, effects, lane(config).path)
+
+    parameters = VehicleParameters()
+    if config.checks:
+        steering = check_steering(effects, parameters, config, CHECK + seed, plant())
+        learnt, config = with_steering(learnt, config, steering)
+    belief, logs, usual = learnt.prior(), list[tuple[pd.DataFrame, str]](), config.steering.usual
+
+    def planned(share: float) -> Trajectory:
+        if logs:
+            return plan_again(learnt, belief, first, config, share=share)
+        return first if usual else plan_drive(learnt, belief, config, share * config.alpha)
+
+    for drive_seed in (seed, SECOND_ROUND + seed)[:rounds]:
+        try:
+            plan = boldest(planned, parameters, config)
+        except InfeasiblePlanError:
+            if usual or not logs:
                 break
-        plant = true_plant(car, effects, lane(config).path)
-        driven.append(gather(plan, effects, VehicleParameters(), config, drive_seed, plant))
-    return driven
+            plan = first
+        logs.append(gather(plan, effects, parameters, config, drive_seed, plant()))
+        belief = learn_drive(learnt, belief, logs[-1][0], config)
+        first = plan if len(logs) == 1 else first
+    return Driven(learnt, config, logs)
+
+
+def gather_beliefs(job: GatherJob) -> Taught:
+    """What is believed of a vehicle after each kind of gathering, as far as its drives could be planned."""
+    learnt, config, prior = job.learnt, job.config, job.learnt.prior()
+    seed, beliefs, lags = job.attempt[1], dict[str, Posterior](), dict[str, Array]()
+    if "once_ocp" in job.wanted:
+        plant = true_plant(job.car, job.effects, lane(config).path)
+        table, _ = gather(job.ocp, job.effects, VehicleParameters(), config, seed, plant)
+        beliefs["once_ocp"] = learn_drive(learnt, prior, table, config)
+    if not job.wanted & {"once_info", "twice_info", *ASKED}:
+        return Taught(beliefs, None)
+    rounds = 2 if job.wanted & {"twice_info", "identified"} else 1
+    driven = informative_drives(learnt, job.info, job.effects, config, seed, job.car, rounds)
+    learnt, config, tables, once = driven.model, driven.config, driven.tables, driven.model.prior()
+    for count, name in enumerate(("once_info", "twice_info")[: len(tables)], 1):
+        once = beliefs[name] = learn_drive(learnt, once, tables[count - 1], config)
+        if config.learn_lags:
+            found, beliefs[name] = learn_drives(learnt, tables[:count], config)
+            lags[name] = found.lag
+    counts = {name: count for name, count in ASKED.items() if name in job.wanted and count <= len(tables)}
+    findings = {name: ask(runs_of(tables[:count]), learnt.vehicle).found for name, count in counts.items()}
+    surprise = None
+    if tables:
+        surprise = float(np.mean(squared_distances(learnt, learnt.prior(), drive_samples(tables[0], config))))
+    return Taught(beliefs, surprise, findings, lags)
 
 
 def gather_all(

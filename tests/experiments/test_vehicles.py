@@ -3,8 +3,9 @@
 import numpy as np
 
 from drift_drake.car.effects.catalogue import CATALOGUE
+from drift_drake.car.effects.drawn import USUAL
 from drift_drake.car.effects.magnitudes import Effects, make_effects
-from experiments.benchmarks.vehicles import EXTREME, OUT_OF_DISTRIBUTION, POPULATIONS, TRAINING, draw_effects
+from experiments.benchmarks.vehicles import EXTREME, OUT_OF_DISTRIBUTION, POPULATIONS, draw_effects
 
 
 def test_vehicles_are_reproducible_and_differ() -> None:
@@ -14,7 +15,7 @@ def test_vehicles_are_reproducible_and_differ() -> None:
 
 
 def test_magnitudes_lie_in_their_distributions_and_in_the_catalogue() -> None:
-    for population, stated in (("train", TRAINING), ("wide", OUT_OF_DISTRIBUTION)):
+    for population, stated in (("train", USUAL), ("wide", OUT_OF_DISTRIBUTION)):
         effects = [draw_effects(population, i, 0) for i in range(300)]
         for name in CATALOGUE:
             values = np.array([getattr(q, name) for q in effects])
@@ -29,13 +30,13 @@ def test_magnitudes_lie_in_their_distributions_and_in_the_catalogue() -> None:
 
 
 def test_the_population_out_of_distribution_is_wider_and_has_effects_that_training_lacks() -> None:
-    assert set(TRAINING) < set(OUT_OF_DISTRIBUTION)
+    assert set(USUAL) < set(OUT_OF_DISTRIBUTION)
     wider = [
         name
-        for name, d in TRAINING.items()
+        for name, d in USUAL.items()
         if OUT_OF_DISTRIBUTION[name].high - OUT_OF_DISTRIBUTION[name].low > d.high - d.low
     ]
-    assert set(wider) == set(TRAINING)
+    assert set(wider) == set(USUAL)
 
 
 def test_extreme_vehicles_have_one_effect_each_in_turn() -> None:

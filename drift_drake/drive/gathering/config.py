@@ -5,10 +5,12 @@ from typing import Literal
 
 import numpy as np
 
-from drift_drake.car.step_model import STATE_SCALE
+from drift_drake.car.step_model import INPUT_SCALE, STATE_SCALE
 from drift_drake.common.arrays import Array
 from drift_drake.common.errors import InvalidOptionError
+from drift_drake.drive.gathering.steering import USUAL_STEERING, Steering
 from drift_drake.drive.learnt.bayesian_step import PathStep
+from drift_drake.drive.learnt.command_lag import LAGGED
 from drift_drake.drive.mpc.ocp import OcpData, OcpWeights, OptimalControlProblem
 from drift_drake.drive.mpc.plan import DT
 from drift_drake.drive.qp.qp import QpMethod
@@ -23,6 +25,7 @@ SLIP_SOFTENING = 5.0  # [m/s], likewise
 # How an informative plan ends, as weights of the states and a limit to either side: yaw rate [rad/s], sideslip and
 # course [rad], and the rear rim's slip over the ground [m/s].
 ENDS = (({0: 1.0}, 0.2), ({2: 1.0}, 0.05), ({5: 1.0}, 0.1), ({3: 1.0, 1: -1.0}, 2.0))
+RATE_SHARE = 0.8  # of the steering's rate that a plan uses; what is left is the feedback's
 END_SOFTENING = 0.3  # of a limit that costs as much as 1 m over the lane's edge
 # What a plan is to tell: l_info of eq. (9); the same with the covariance updated along the horizon; of drifts to come.
 Objective = Literal["eq8", "updated", "drifts"]
@@ -99,6 +102,15 @@ def bound_end(problem: OptimalControlProblem) -> None:
         problem.bound(StageRows("straight at the end, softened", last, rows, np.full(2, -np.inf), np.full(2, limit)))
 
 
+def bound_steering(problem: OptimalControlProblem, steering: Steering, lag: float) -> None:
+    """Bounds the rate of the road wheel, which a command is ahead of by the rate times the lag [s] behind it."""
+    stages, ahead = np.arange(1, problem.horizon + 1), RATE_SHARE * steering.rate * lag
+    row = np.zeros(problem.layout.state_size + 3)
+    row[LAGGED.start], row[-3] = -problem.layout.state_scale[LAGGED.start], INPUT_SCALE[0]
+    limit = np.full(problem.horizon, ahead)
+    problem.bound(StageRows("rate of the steering", stages, np.tile(row, (problem.horizon, 1)), -limit, limit))
+
+
 @dataclasses.dataclass(frozen=True)
 class GatheringConfig(LaneDrive):
     """A lane drive that is worth learning from (section IV-A of the paper), its plans and the rounds.
@@ -121,6 +133,8 @@ class GatheringConfig(LaneDrive):
     objective_later: Objective = "drifts"  # of later rounds
     ends_straight: bool = True  # informative plans do; without, they end in slides that leave the lane soon after
     bounded: bool = True  # speed, wheel spin and sideslip of plans
+    checks: bool = True  # the steering, by a slow drive before
+    steering: Steering = USUAL_STEERING  # of the car, as its check shows it
     fixed_alpha: bool = False  # the same weight of the information in later rounds
     # After informative drives, the lags of steering and torque are those of a bank that make the drives likeliest.
     learn_lags: bool = True  # of steering and torque, from informative drives

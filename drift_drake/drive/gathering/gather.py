@@ -1,5 +1,6 @@
 """Information gathering on one vehicle: a plan driven by the tracking controller, logged, decimated, learnt."""
 
+import dataclasses
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -8,23 +9,24 @@ import pandas as pd
 
 from drift_drake.car.effects.magnitudes import Effects
 from drift_drake.car.parameters import VehicleParameters
+from drift_drake.car.single_track.effects_step import EffectsStepModel
 from drift_drake.car.single_track.path_plant import PathPlant
 from drift_drake.car.step_model import NominalStepModel
-from drift_drake.drive.gathering.config import (
-    GatheringConfig,
-    lane,
-)
+from drift_drake.drive.gathering.config import SLOWEST, GatheringConfig, lane
 from drift_drake.drive.gathering.plan import (
     Trajectory,
     information_expected,
     information_gained,
 )
+from drift_drake.drive.gathering.steering import DURATION, SPEED, Steering, SteeringCheck, steering_of
 from drift_drake.drive.learnt.checkpoint import BayesianModel
+from drift_drake.drive.learnt.command_lag import LAGGED
 from drift_drake.drive.learnt.lag_bank import learn_with_lags
 from drift_drake.drive.learnt.posterior import Posterior
 from drift_drake.drive.learnt.quality import learn
 from drift_drake.drive.learnt.samples import Samples, concatenate, samples_from_log
-from drift_drake.drive.loop.drive import Drive
+from drift_drake.drive.loop.drive import Drive, DriveLimits
+from drift_drake.drive.manoeuvres.drivers import ROW_PERIOD
 from drift_drake.drive.mpc.plan import DT
 from drift_drake.drive.mpc.tracking import TrackingController, tracking_gains
 
@@ -37,11 +39,43 @@ def execution(
     plant: PathPlant | None = None,
 ) -> Drive:
     """The diagram that drives a trajectory on a vehicle; see `Drive`."""
-    states = trajectory.x[:, :6]
-    gains = tracking_gains(NominalStepModel(parameters), states, trajectory.u, np.zeros(len(states) - 1))
-    controller = TrackingController(states, trajectory.u, gains)
+    controller = tracking(trajectory, parameters, config.steering)
     start = (float(trajectory.u[0, 0]), float(trajectory.u[0, 1]))
     return Drive(parameters, controller, 1, DT, None, start, effects, lane(config), plant=plant)
+
+
+def tracking(trajectory: Trajectory, parameters: VehicleParameters, steering: Steering) -> TrackingController:
+    """What drives a trajectory: a typical steering is taken to follow at once, another one with its lag and limit."""
+    states, u, straight = trajectory.x[:, :6], trajectory.u, np.zeros(len(trajectory.u) - 1)
+    if steering.usual:
+        return TrackingController(states, u, tracking_gains(NominalStepModel(parameters), states, u, straight))
+    lag = steering.lags
+    model = EffectsStepModel(parameters, Effects(steering_lag=float(lag[0]), torque_lag=float(lag[1])))
+    own = np.array([model.settled(x[:4], command) for x, command in zip(states, u, strict=True)])
+    own[:, :2] = trajectory.x[:, LAGGED]
+    gains = tracking_gains(model, np.append(states, own, axis=1), u, straight)
+    return TrackingController(trajectory.x, u, gains[..., : LAGGED.stop], lag, steering.rate)
+
+
+def check_steering(
+    effects: Effects, parameters: VehicleParameters, config: GatheringConfig, seed: int,
+    plant: PathPlant | None = None,
+) -> Steering:  # fmt: skip
+    """Drives a `SteeringCheck` along the lane, and says what it shows."""
+    drive = Drive(parameters, SteeringCheck(parameters), 1, ROW_PERIOD, None, (0.0, 0.0), effects, lane(config),
+                  plant=plant)  # fmt: skip
+    start = np.array([0.0, SPEED, 0.0, SPEED, 0.0, 0.0])
+    table, _ = drive.run(start, 0.0, DURATION, seed, DriveLimits(min_speed=SLOWEST))
+    return steering_of(table, parameters)
+
+
+def with_steering(
+    model: BayesianModel, config: GatheringConfig, steering: Steering
+) -> tuple[BayesianModel, GatheringConfig]:
+    """The model and the configuration for planning, driving and learning with a steering that is not as usual."""
+    if steering.usual:
+        return model, config
+    return model.with_lag(steering.lags), dataclasses.replace(config, steering=steering)
 
 
 def gather(
@@ -71,7 +105,7 @@ def gather(
 
 def drive_samples(table: pd.DataFrame, config: GatheringConfig) -> Samples:
     """A drive's log as samples at 10 Hz."""
-    return samples_from_log(table, lane(config).path, 0, 0)
+    return samples_from_log(table, lane(config).path, 0, 0, lag=config.steering.lags)
 
 
 def learn_drive(model: BayesianModel, belief: Posterior, table: pd.DataFrame, config: GatheringConfig) -> Posterior:

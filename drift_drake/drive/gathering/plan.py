@@ -14,6 +14,7 @@ from drift_drake.drive.gathering.config import (
     Objective,
     bound_end,
     bound_slip,
+    bound_steering,
     problem_data,
 )
 from drift_drake.drive.gathering.information import (
@@ -201,6 +202,8 @@ def info_ocp(
     )
     if config.bounded:
         bound_slip(problem, config)
+    if np.isfinite(config.steering.rate):
+        bound_steering(problem, config.steering, model.lag[0])
     if informative and config.ends_straight:
         bound_end(problem)
     data = problem_data(config, lateral)
@@ -246,16 +249,20 @@ def information_gained(before: Posterior, after: Posterior) -> float:
 
 
 def plan_again(
-    model: BayesianModel, belief: Posterior, first: Trajectory, config: GatheringConfig, seed: int = 0
-) -> Trajectory:
+    model: BayesianModel, belief: Posterior, first: Trajectory, config: GatheringConfig, seed: int = 0,
+    share: float = 1.0,
+) -> Trajectory:  # fmt: skip
     """Info-OCP's plan of a later round, with what is believed after the rounds before.
+
+    Args:
+        share: of the weight of the information (`round_alpha`).
 
     Raises:
         InfeasiblePlanError: no first guess led to a feasible trajectory.
         InvalidCheckpointError: see `information_cost`.
     """
     again = dataclasses.replace(config, objective=config.objective_later)
-    return plan_drive(model, belief, again, round_alpha(model, belief, first, config), seed)
+    return plan_drive(model, belief, again, share * round_alpha(model, belief, first, config), seed)
 
 
 def round_alpha(model: BayesianModel, belief: Posterior, first: Trajectory, config: GatheringConfig) -> float:

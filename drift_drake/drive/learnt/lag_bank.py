@@ -45,13 +45,13 @@ class UnderLags(NamedTuple):
 
 
 def under_lags(model: BayesianModel, samples_of: Callable[[Array], Samples]) -> list[UnderLags]:
-    """What drives teach a model under each pair of lags.
+    """What drives teach a model under each pair of lags, its own steering lag among them.
 
     Args:
         samples_of: the drives' samples, their lagged commands behind lags [2] [s].
     """
     found, prior = [], model.prior()
-    for pair in product(STEERING, TORQUE):
+    for pair in product(sorted({*STEERING, float(model.lag[0])}), TORQUE):
         under = model.with_lag(np.array(pair))
         samples = samples_of(under.lag)
         phi, y = regression_points(under, samples.x, samples.u, samples.u_next, samples.x_next)

@@ -16,7 +16,7 @@ from drift_drake.car.car_file import PlantParameters
 from drift_drake.car.double_track.nearest import nearest_double_track
 from drift_drake.car.double_track.parameters import DoubleTrackParameters
 from drift_drake.car.double_track.step_model import DoubleTrackStepModel
-from drift_drake.car.effects.catalogue import CATALOGUE, LIMITS, fitted
+from drift_drake.car.effects.catalogue import CATALOGUE, fitted
 from drift_drake.car.effects.magnitudes import Effects
 from drift_drake.car.equations import folded_into
 from drift_drake.car.given_vehicle import single_track_of
@@ -38,7 +38,6 @@ from drift_drake.gap.identification.stated import Asked
 EFFECTS = fitted("drives")
 ONE_MORE = fitted("alone")
 BIASES = tuple(name for name in SENSORS if CATALOGUE[name].unit != "-")  # that a double-track car may have all of
-# Named, not driven with: a limit of the steering's rate, identified to 1 %, lost two cars of two that the oracle holds.
 LEAST_WINDOWS = 20  # of half a second, one each 0.2 s
 # Deviations of a vehicle file's parameters but for the mass, and what else a driven car may have.
 OF_DOUBLE_TRACK = tuple(
@@ -47,7 +46,7 @@ OF_DOUBLE_TRACK = tuple(
 )  # fmt: skip
 EVIDENCE = 0.2  # power of a double-track car's criterion: each moment lies in five windows
 WIDTHS = (100.0, 8.0)  # of its loss (`robust_fit`)
-NOT_PLANNED = (*(name for name in BEYOND if name not in (*LAGGED, *SENSORS)), *sorted(LIMITS))
+NOT_PLANNED = tuple(name for name in BEYOND if name not in (*LAGGED, *SENSORS))
 
 
 class IdentifiedCar(NamedTuple):

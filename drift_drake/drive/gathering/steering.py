@@ -1,0 +1,139 @@
+"""How a car's steering follows its commands, asked of a slow drive before any bold one: its lag, and the limit of its
+rate. A drive that is planned for a typical steering spins with one that is 0.15 s late or turns at 1.2 rad/s.
+"""
+
+import math
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+import pandas as pd
+from scipy.optimize import least_squares
+
+from drift_drake.car.actuated import STAGES, actuated
+from drift_drake.car.compilation import compiled
+from drift_drake.car.effects.magnitudes import Effects
+from drift_drake.car.parameters import Constants, VehicleParameters
+from drift_drake.car.single_track.motion import motion
+from drift_drake.common.arrays import Array
+from drift_drake.drive.learnt.command_lag import TYPICAL
+from drift_drake.drive.manoeuvres.drivers import ROW_PERIOD, RowByRowDriver
+
+SPEED = 6.0  # [m/s] of the check, at which the tyres hardly slide
+ANGLE = 0.12  # [rad] to either side: 0.3 rad/s of yaw rate, and at most 1 m off the lane's middle
+SCRIPT = ((0.5, 0.0), (1.3, 1.0), (2.5, -1.0), (3.0, 0.6), (4.5, 0.0))  # until when [s], which share of the angle
+DURATION = SCRIPT[-1][0]  # [s]
+SPEED_TIME = 0.5  # [s] in which an error in speed is taken off
+BACK = (0.05, 0.25)  # [rad/m], [-]: slow enough for a steering that is a second late
+LAGS = (0.02, 0.05, 0.1, 0.2, 0.4, 0.8)  # [s] from which the search begins, and
+RATES = (0.1, 0.2, 0.4, 0.8, 1.6)  # [rad/s]
+LIMITED = 0.6  # of the squares that are left over without a limit of the rate, below which there is one
+LEAST, MOST = np.log([0.01, 0.05]), np.log([2.0, 20.0])  # of both
+USUAL = (
+    0.1,
+    2.2,
+)  # [s], [rad/s]: up to this lag, from this rate on, a drive that is planned for a typical steering holds
+
+
+class Steering(NamedTuple):
+    """How a car's road wheel follows its command: first-order, and no faster than a rate."""
+
+    lag: float = TYPICAL[0]  # [s]
+    rate: float = math.inf  # [rad/s]; infinite where no limit was met
+
+    @property
+    def usual(self) -> bool:
+        """Whether drives may be planned and tracked as for a typical steering."""
+        return self.lag <= USUAL[0] and self.rate >= USUAL[1]
+
+    def sentence(self) -> str:
+        """What it is, for a message."""
+        limit = f", as if it turned at most {self.rate:.2g} rad/s" if math.isfinite(self.rate) else ""
+        return f"a steering that is {self.lag:.2g} s late{limit}"
+
+    @property
+    def effects(self) -> Effects:
+        """The same as magnitudes."""
+        return Effects(steering_lag=self.lag, steering_rate_limit=self.rate if math.isfinite(self.rate) else 0.0)
+
+    @property
+    def lags(self) -> Array:
+        """Lags [2] of a learnt model of such a car [s]."""
+        return np.array([self.lag, TYPICAL[1]])
+
+
+USUAL_STEERING = Steering()
+
+
+class SteeringCheck(RowByRowDriver):
+    """Steers to and fro at a low speed along a straight lane.
+
+    Ports and state: see `RowByRowDriver`.
+    """
+
+    def __init__(self, parameters: VehicleParameters) -> None:
+        super().__init__(parameters)
+        self._torque_per_acceleration = parameters.mass * parameters.wheel_radius / parameters.gear_ratio
+
+    def wanted(self, t: float, measured: Array) -> Array:
+        share = next((share for until, share in SCRIPT if t < until), 0.0)
+        delta = ANGLE * share - BACK[0] * measured[4] - BACK[1] * measured[5]
+        return np.array([delta, self._torque_per_acceleration * (SPEED - measured[1]) / SPEED_TIME])
+
+
+def steering_of(table: pd.DataFrame, parameters: VehicleParameters) -> Steering:
+    """The lag and the limit of the rate by which the check's commands explain its yaw rate best.
+
+    The rest of the car is the first guess, rolling; its steering ratio and an offset are free.
+
+    Args:
+        table: log at 100 Hz of a `SteeringCheck`; parameters: a first guess of the car.
+    """
+    commands = table[["delta_cmd", "tau_cmd"]].to_numpy(dtype=float)
+    measured = table["r"].to_numpy(dtype=float)
+    speed, constants = table["v"].to_numpy(dtype=float), parameters.constants()
+
+    def left_over(steering: Steering) -> Array:
+        before = (float(commands[0, 0]), float(commands[0, 1]))
+        delta = actuated(commands[:, 0], commands[:, 1], before, ROW_PERIOD, steering.effects)[0][::STAGES]
+        yaw_rate = _yaw_rate(delta, speed, constants, ROW_PERIOD)
+        regressors = np.stack([yaw_rate, np.ones_like(yaw_rate)], axis=1)
+        return measured - regressors @ np.linalg.lstsq(regressors, measured, rcond=None)[0]
+
+    def best(rates: Sequence[float]) -> Steering:
+        starts = (Steering(lag, rate) for lag in LAGS for rate in rates)
+        return _refined(left_over, min(starts, key=lambda start: square(left_over(start))))
+
+    free, limited = best([math.inf]), best(RATES)
+    return limited if square(left_over(limited)) < LIMITED * square(left_over(free)) else free
+
+
+def square(values: Array) -> float:
+    """The sum of squares."""
+    return float(values @ values)
+
+
+def _refined(left_over: Callable[[Steering], Array], start: Steering) -> Steering:
+    """The best steering near a first guess, with a limit of the rate where that has one."""
+    count = 2 if math.isfinite(start.rate) else 1
+
+    def of(logs: Array) -> Steering:
+        return Steering(*np.exp(logs).tolist())
+
+    found = least_squares(lambda logs: left_over(of(logs)), np.log(start[:count]), bounds=(LEAST[:count], MOST[:count]),
+                          diff_step=1e-3)  # fmt: skip
+    return of(found.x)
+
+
+@compiled
+def _yaw_rate(delta: Array, speed: Array, constants: Constants, dt: float) -> Array:
+    """Yaw rate [rad/s] of a single-track car that rolls at a speed [rows] [m/s], from straight on."""
+    out, beta = np.zeros(len(delta)), 0.0
+    for k in range(len(delta) - 1):
+        r, v, angle = out[k], speed[k], 0.5 * (delta[k] + delta[k + 1])
+        first = motion(r, v, beta, v, angle, 0.0, constants)
+        half_r, half_beta = r + 0.5 * dt * first.r_dot, beta + 0.5 * dt * first.beta_dot
+        middle = motion(half_r, v, half_beta, v, angle, 0.0, constants)
+        out[k + 1] = r + dt * middle.r_dot
+        beta += dt * middle.beta_dot
+    return out

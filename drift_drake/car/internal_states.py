@@ -4,7 +4,7 @@ A car's own states (lags, relaxation, heat, filtered accelerations) are states o
 ones. They are stable, so that `InternalStateObserver` needs the measured states and the commands alone.
 """
 
-from typing import Protocol, Self
+from typing import Protocol, Self, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -56,6 +56,7 @@ def check_states(x: Array, model: StepModel) -> None:
         )
 
 
+@runtime_checkable
 class RememberingStepModel(StepModel, Protocol):
     """A step model of n = 6 + m states: a car of `effects`, whose further states an observer follows."""
 

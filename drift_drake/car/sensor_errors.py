@@ -3,18 +3,19 @@
 from pydrake.systems.framework import DiagramBuilder, LeafSystem, OutputPort
 
 from drift_drake.car.effects.catalogue import CATALOGUE
+from drift_drake.car.effects.delays import LATE
 from drift_drake.car.effects.magnitudes import Effects, unbiased
 from drift_drake.car.sensors import MEASURED_STATE
 from drift_drake.common.arrays import Array
 from drift_drake.common.updates import declare_output
 
 SENSORS = tuple(name for name, effect in CATALOGUE.items() if effect.stage == "sensor" and not effect.late)
-"""Errors that a reading can lose."""
+"""Errors that a reading can lose at once."""
 
 
 def sensor_errors(effects: Effects) -> Effects:
-    """Of effects the sensors' errors alone."""
-    return Effects(**{name: getattr(effects, name) for name in SENSORS})
+    """Of effects the sensors' errors and latency alone."""
+    return Effects(**{name: getattr(effects, name) for name in (*SENSORS, *LATE)})
 
 
 def corrected_reading(measured: Array, errors: Effects) -> Array:
@@ -39,7 +40,7 @@ class SensorCorrection(LeafSystem):
 
 def without_errors(builder: DiagramBuilder, measured_state: OutputPort, errors: Effects) -> OutputPort:
     """The port of a measured state without its sensors' errors: the same port where there are none."""
-    if not any(errors):
+    if not any(getattr(errors, name) for name in SENSORS):
         return measured_state
     correction = builder.AddNamedSystem("sensor_correction", SensorCorrection(errors))
     builder.Connect(measured_state, correction.get_input_port())

@@ -9,8 +9,10 @@ import numpy as np
 import pandas as pd
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder, OutputPort, System
 
+from drift_drake.car.effects.delays import sensor_delay
 from drift_drake.car.effects.magnitudes import Effects
 from drift_drake.car.given_vehicle import GivenEffects, effects_given
+from drift_drake.car.latency import at_present
 from drift_drake.car.log.driving import slowest
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.car.sensor_errors import without_errors
@@ -100,7 +102,8 @@ class ClosedLoop:
         plant: the true car, on the reference's path, if it is not that of `parameters` and `effects`; see `Car`.
         faults: what goes wrong in the loop.
         watch: if given, it watches the car, and acts by its policy (`gap.monitoring.in_loop.GapWatch`).
-        sensor_errors: what is known of the sensors' errors, taken off the readings (`SensorCorrection`).
+        sensor_errors: what is known of the sensors' errors, taken off the readings (`SensorCorrection`), and of their
+            latency, over which a model of a known car runs them on (`LatencyCompensation`).
         controller: one of your own in place of the predictive one and its model: an object with `evaluate`, or a Drake
             system from a reading [7], or its first six, to a command [2].
 
@@ -152,7 +155,9 @@ class ClosedLoop:
         ))  # fmt: skip
         command = self.actuator.GetOutputPort("command")
         received = points.sensors(self.car.GetOutputPort("measured_state"))
-        known = without_errors(builder, received, sensor_errors)
+        corrected = without_errors(builder, received, sensor_errors)
+        known = at_present(builder, corrected, command, sensor_delay(sensor_errors), learners.car, reference.path,
+                           control.period)  # fmt: skip
         self.screen, measured_state, state = self._screened(builder, control, noise, known)
         plan = points.plans(self.controller.GetOutputPort("plan"))
         reading = None if self.screen is None else self.screen.GetOutputPort("reading")

@@ -34,6 +34,11 @@ class Learners(NamedTuple):
     tightening: LaneTightening | None
 
     @property
+    def car(self) -> StepModel | None:
+        """The model without what is learnt."""
+        return self.model.car if isinstance(self.model, HybridStepModel) else self.model
+
+    @property
     def theta_size(self) -> int:
         """Length of what the adapter gives the model; 0 without one."""
         return 0 if self.adapter is None else self.adapter.GetOutputPort("parameters").size()

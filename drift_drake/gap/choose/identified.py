@@ -17,6 +17,7 @@ from drift_drake.car.double_track.nearest import nearest_double_track
 from drift_drake.car.double_track.parameters import DoubleTrackParameters
 from drift_drake.car.double_track.step_model import DoubleTrackStepModel
 from drift_drake.car.effects.catalogue import CATALOGUE, fitted
+from drift_drake.car.effects.delays import LATE
 from drift_drake.car.effects.magnitudes import Effects
 from drift_drake.car.equations import folded_into
 from drift_drake.car.given_vehicle import single_track_of
@@ -46,7 +47,7 @@ OF_DOUBLE_TRACK = tuple(
 )  # fmt: skip
 EVIDENCE = 0.2  # power of a double-track car's criterion: each moment lies in five windows
 WIDTHS = (100.0, 8.0)  # of its loss (`robust_fit`)
-NOT_PLANNED = tuple(name for name in BEYOND if name not in (*LAGGED, *SENSORS))
+NOT_PLANNED = tuple(name for name in BEYOND if name not in (*LAGGED, *SENSORS, *LATE))
 
 
 class IdentifiedCar(NamedTuple):
@@ -63,7 +64,7 @@ class IdentifiedCar(NamedTuple):
 
     @property
     def beyond(self) -> tuple[str, ...]:
-        """Of its effects those that a controller does not plan with, and their size, such as a sensor's latency."""
+        """Of its effects those that a controller does not plan with, and their size, such as a road's grade."""
         return self._said(NOT_PLANNED)
 
     @property

@@ -84,7 +84,7 @@ def main(options: Options) -> None:
     if config.learn_lags and "Twice-Info" in beliefs:
         model, beliefs["Twice-Info"] = learn_drives(model, driven, config)
         print(f"both drives are likeliest with lags of {model.lag[0]:g} s (steering) and {model.lag[1]:g} s (torque)")
-    print(ask(runs_of(driven), parameters).sentence())
+    print(ask(runs_of(driven), parameters, steering=config.steering).sentence())
 
 
 def _report(name: str, belief: Posterior) -> None:

@@ -29,6 +29,8 @@ class Choose:
     """Run CSV, or case folder, of lively drives in which the tyres slide for a part of the time."""
     vehicle: Path | None = None
     """Vehicle file, a first guess; its effects are identified anew (without: the shipped coupe's)."""
+    check: Path | None = None
+    """Log of a slow drive that shows the limit of the steering's rate ('simulate steering_check')."""
     out: Path | None = None
     """Where to write the identified car, as a vehicle file that 'drive --model known' takes."""
     json: Path | None = None
@@ -41,15 +43,16 @@ class Choose:
 
 def run_choose(command: Choose) -> None:
     given = None if command.vehicle is None else vehicle_given(command.vehicle).parameters
-    inputs = [path for path in (command.vehicle, *run_paths(command.logs)) if path is not None]
+    inputs = [path for path in (command.vehicle, command.check, *run_paths(command.logs)) if path is not None]
     try_outputs({"--out": command.out, "--json": command.json}, inputs)
     check_drives(read_case(command.logs), command.logs)
+    check = None if command.check is None else read_case(command.check)[0]
     with ended_at_once():
         from drift_drake.gap.choose.choice import choose
         from drift_drake.gap.choose.rehearsal import rehearse
 
     with progress_bar(command.quiet) as show:
-        choice = choose(command.logs, command.vehicle, progress=show)
+        choice = choose(command.logs, command.vehicle, progress=show, check=check)
     car, rehearsal = choice.found.car, None
     print(choice.sentence(), *choice.remarks, sep="\n", file=said_to(command.json))
     if command.rehearse:

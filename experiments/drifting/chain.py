@@ -107,7 +107,7 @@ def main(config: ChainConfig) -> None:
     first = plan_drive(learnt, learnt.prior(), config.gathering, config.gathering.alpha)
     driven = informative_drives(learnt, first, Effects(), config.gathering, config.seed, car)
     drives = runs_of(driven.tables)
-    choice = ask(drives, VehicleParameters())
+    choice = ask(drives, VehicleParameters(), steering=driven.config.steering)
     name, believes = believed(choice, config)
     runs = drifted(car, believes, config)
     drifts = [dataclasses.replace(run, name=maneuver) for maneuver, run in

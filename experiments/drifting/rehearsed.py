@@ -60,7 +60,7 @@ def row(
     """What is said of one car, and what is true."""
     driven = informative_drives(learnt, first, effects, gathering, 0)
     steering, tables = driven.config.steering, driven.tables
-    car = ask(runs_of(tables), VehicleParameters()).found.car if tables else None
+    car = ask(runs_of(tables), VehicleParameters(), steering=steering).found.car if tables else None
     if car is None and not steering.usual:  # all that is known of the car
         car = IdentifiedCar(VehicleParameters(), steering.effects)
     said = None if car is None else rehearse(car, VehicleParameters()).can

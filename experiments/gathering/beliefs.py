@@ -155,7 +155,10 @@ def gather_beliefs(job: GatherJob) -> Taught:
             found, beliefs[name] = learn_drives(learnt, tables[:count], config)
             lags[name] = found.lag
     counts = {name: count for name, count in ASKED.items() if name in job.wanted and count <= len(tables)}
-    findings = {name: ask(runs_of(tables[:count]), learnt.vehicle).found for name, count in counts.items()}
+    findings = {
+        name: ask(runs_of(tables[:count]), learnt.vehicle, steering=config.steering).found
+        for name, count in counts.items()
+    }
     surprise = None
     if tables:
         surprise = float(np.mean(squared_distances(learnt, learnt.prior(), drive_samples(tables[0], config))))

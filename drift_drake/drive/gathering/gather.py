@@ -2,12 +2,13 @@
 
 import dataclasses
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
 
 from drift_drake.car.effects.magnitudes import Effects
+from drift_drake.car.log.table import COLUMNS, Run
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.car.single_track.effects_step import EffectsStepModel
 from drift_drake.car.single_track.path_plant import PathPlant
@@ -66,7 +67,8 @@ def check_steering(
                   plant=plant)  # fmt: skip
     start = np.array([0.0, SPEED, 0.0, SPEED, 0.0, 0.0])
     table, _ = drive.run(start, 0.0, DURATION, seed, DriveLimits(min_speed=SLOWEST))
-    return steering_of(table, parameters)
+    columns: dict[str, Any] = {name: table[name].to_numpy() for name in COLUMNS if name in table}
+    return steering_of(Run(name="the steering's check", **columns), parameters)
 
 
 def with_steering(

@@ -7,12 +7,12 @@ from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
-import pandas as pd
 from scipy.optimize import least_squares
 
 from drift_drake.car.actuated import STAGES, actuated
 from drift_drake.car.compilation import compiled
 from drift_drake.car.effects.magnitudes import Effects
+from drift_drake.car.log.table import InvalidLogError, Run
 from drift_drake.car.parameters import Constants, VehicleParameters
 from drift_drake.car.single_track.motion import motion
 from drift_drake.common.arrays import Array
@@ -23,11 +23,14 @@ SPEED = 6.0  # [m/s] of the check, at which the tyres hardly slide
 ANGLE = 0.12  # [rad] to either side: 0.3 rad/s of yaw rate, and at most 1 m off the lane's middle
 SCRIPT = ((0.5, 0.0), (1.3, 1.0), (2.5, -1.0), (3.0, 0.6), (4.5, 0.0))  # until when [s], which share of the angle
 DURATION = SCRIPT[-1][0]  # [s]
+HALF_WIDTH = 3.0  # [m] of a lane for it
 SPEED_TIME = 0.5  # [s] in which an error in speed is taken off
 BACK = (0.05, 0.25)  # [rad/m], [-]: slow enough for a steering that is a second late
 LAGS = (0.02, 0.05, 0.1, 0.2, 0.4, 0.8)  # [s] from which the search begins, and
 RATES = (0.1, 0.2, 0.4, 0.8, 1.6)  # [rad/s]
 LIMITED = 0.6  # of the squares that are left over without a limit of the rate, below which there is one
+UNEXPLAINED = 0.1  # share of the yaw rate's variance, from which on a log is of something else
+CLOSE = 1e-4  # [s] between rows
 LEAST, MOST = np.log([0.01, 0.05]), np.log([2.0, 20.0])  # of both
 USUAL = (
     0.1,
@@ -81,21 +84,24 @@ class SteeringCheck(RowByRowDriver):
         return np.array([delta, self._torque_per_acceleration * (SPEED - measured[1]) / SPEED_TIME])
 
 
-def steering_of(table: pd.DataFrame, parameters: VehicleParameters) -> Steering:
+def steering_of(run: Run, parameters: VehicleParameters) -> Steering:
     """The lag and the limit of the rate by which the check's commands explain its yaw rate best.
 
     The rest of the car is the first guess, rolling; its steering ratio and an offset are free.
 
     Args:
-        table: log at 100 Hz of a `SteeringCheck`; parameters: a first guess of the car.
+        run: log at 100 Hz of a `SteeringCheck`, which begins straight on; parameters: a first guess of the car.
+
+    Raises:
+        InvalidLogError: a log of something else.
     """
-    commands = table[["delta_cmd", "tau_cmd"]].to_numpy(dtype=float)
-    measured = table["r"].to_numpy(dtype=float)
-    speed, constants = table["v"].to_numpy(dtype=float), parameters.constants()
+    commands, measured = np.asarray(run.delta_cmd, dtype=float), np.asarray(run.r, dtype=float)
+    speed, constants, none = np.asarray(run.v, dtype=float), parameters.constants(), np.zeros(len(run))
+    if abs(run.period - ROW_PERIOD) > CLOSE:
+        raise InvalidLogError(f"{run.name}: rows are {run.period:.3g} s apart; give a log with {ROW_PERIOD:g} s")
 
     def left_over(steering: Steering) -> Array:
-        before = (float(commands[0, 0]), float(commands[0, 1]))
-        delta = actuated(commands[:, 0], commands[:, 1], before, ROW_PERIOD, steering.effects)[0][::STAGES]
+        delta = actuated(commands, none, (float(commands[0]), 0.0), ROW_PERIOD, steering.effects)[0][::STAGES]
         yaw_rate = _yaw_rate(delta, speed, constants, ROW_PERIOD)
         regressors = np.stack([yaw_rate, np.ones_like(yaw_rate)], axis=1)
         return measured - regressors @ np.linalg.lstsq(regressors, measured, rcond=None)[0]
@@ -105,7 +111,13 @@ def steering_of(table: pd.DataFrame, parameters: VehicleParameters) -> Steering:
         return _refined(left_over, min(starts, key=lambda start: square(left_over(start))))
 
     free, limited = best([math.inf]), best(RATES)
-    return limited if square(left_over(limited)) < LIMITED * square(left_over(free)) else free
+    found = limited if square(left_over(limited)) < LIMITED * square(left_over(free)) else free
+    if not square(left_over(found)) < UNEXPLAINED * square(measured - measured.mean()):
+        raise InvalidLogError(
+            f"{run.name}: the steering does not explain the yaw rate; drive the check that 'drift-drake simulate "
+            "steering_check' writes, on a straight"
+        )
+    return found
 
 
 def square(values: Array) -> float:

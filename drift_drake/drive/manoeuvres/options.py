@@ -10,7 +10,7 @@ from drift_drake.car.log.driving import slowest
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.common.errors import InvalidOptionError
 
-Name = Literal["straight", "step_steer", "slalom", "figure_8", "loops"]
+Name = Literal["straight", "step_steer", "slalom", "steering_check", "figure_8", "loops"]
 NAMES: tuple[Name, ...] = get_args(Name)
 
 
@@ -29,9 +29,9 @@ class Simulate:
 
     drift-drake simulate logs/monday/run_0.csv --vehicle corrected.yaml --out again.csv
 
-    Manoeuvres: straight (accelerating), step_steer, slalom, figure_8 and loops (drifts, under model predictive control
-    that knows the vehicle file but not its effects). A log, or any CSV with t, delta_cmd and tau_cmd, drives by its
-    commands.
+    Manoeuvres: straight (accelerating), step_steer, slalom, steering_check (slow; for 'choose --check'), figure_8 and
+    loops (drifts, under model predictive control that knows the vehicle file but not its effects). A log, or any CSV
+    with t, delta_cmd and tau_cmd, drives by its commands.
     """
 
     drive: Annotated[tyro.conf.Positional[str], tyro.conf.arg(metavar="MANOEUVRE|LOG")]

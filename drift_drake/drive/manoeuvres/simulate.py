@@ -18,13 +18,14 @@ from drift_drake.car.sensors import NoiseLevels
 from drift_drake.car.step_model import NominalStepModel
 from drift_drake.car.vehicle_file import check_effects, check_plausible
 from drift_drake.common.arrays import Array
+from drift_drake.drive.gathering import steering
 from drift_drake.drive.loop.drive import LOG_PERIOD, Drive, DriveLimits
 from drift_drake.drive.manoeuvres.drivers import ROW_PERIOD, RowByRowDriver
 from drift_drake.drive.manoeuvres.options import COMMANDS, FASTEST, NAMES, Name, Simulate, check_options
 from drift_drake.drive.mpc.controller import MpcController
 from drift_drake.drive.mpc.mpc import Mpc
 from drift_drake.drive.mpc.plan import DT, Plan
-from drift_drake.drive.reference.trajectory import Reference, figure_8, loops
+from drift_drake.drive.reference.trajectory import Reference, figure_8, loops, straight_line
 
 SPEED_TIME = 1.0  # [s] in which a script's driver takes off an error in speed
 ACCELERATION = 2.5  # [m/s^2] of the straight
@@ -84,10 +85,18 @@ def slalom(p: VehicleParameters, speed: float, steering: float) -> Manoeuvre:
     return _scripted(p, speed, script, 12.0)
 
 
+def steering_check(p: VehicleParameters, _speed: float, _steering: float) -> Manoeuvre:
+    """Steers to and fro on a straight, slowly."""
+    state = np.array([0.0, steering.SPEED, 0.0, steering.SPEED, 0.0, 0.0])
+    lane = straight_line(steering.SPEED, steering.SPEED, steering.DURATION, steering.HALF_WIDTH)
+    return Manoeuvre(steering.SteeringCheck(p), 1, ROW_PERIOD, state, (0.0, 0.0), steering.DURATION, lane)
+
+
 MANOEUVRES: dict[Name, Callable[[VehicleParameters, float, float], Manoeuvre]] = {
     "straight": straight,
     "step_steer": step_steer,
     "slalom": slalom,
+    "steering_check": steering_check,
     "figure_8": lambda p, _speed, _steering: _tracked(p, figure_8(p)),
     "loops": lambda p, _speed, _steering: _tracked(p, loops(p)),
 }

@@ -29,6 +29,7 @@ from drift_drake.car.log.cases import Logs, logs_given
 from drift_drake.car.log.table import COLUMNS, Run
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.common.standard_output import Progress
+from drift_drake.drive.gathering.steering import USUAL_STEERING, Steering, steering_of
 from drift_drake.drive.learnt.checkpoint import BayesianModel
 from drift_drake.drive.learnt.hybrid_step import hybrid_samples, load_hybrid
 from drift_drake.drive.learnt.quality import squared_distances
@@ -112,7 +113,10 @@ class Choice(NamedTuple):
         )
 
 
-def ask(runs: Sequence[Run], first_guess: PlantParameters, progress: Progress | None = None) -> Choice:
+def ask(
+    runs: Sequence[Run], first_guess: PlantParameters, progress: Progress | None = None,
+    steering: Steering = USUAL_STEERING,
+) -> Choice:  # fmt: skip
     """Asks the drives of a car what they identify, and how well that predicts them.
 
     Where the identified car predicts worse than is usual, it is identified again with each of `ONE_MORE`. The one
@@ -122,10 +126,18 @@ def ask(runs: Sequence[Run], first_guess: PlantParameters, progress: Progress | 
     Args:
         runs: with torque, sideslip and rim speed; of long ones pieces are asked (`asked_parts`);
         first_guess: of the car, of either kind; progress: called with a stage and a share.
+        steering: that a slow drive showed (`drive.gathering.steering`).
 
     Raises:
         InvalidLogError: a column that holds no number.
     """
+    choice = _asked(runs, first_guess, progress)
+    car = choice.found.car
+    return choice if car is None else choice._replace(found=choice.found._replace(car=car.with_limit(steering.rate)))
+
+
+def _asked(runs: Sequence[Run], first_guess: PlantParameters, progress: Progress | None) -> Choice:
+    """The same, of a steering without a limit."""
     tell = progress or (lambda _stage, _share: None)
     tell("the car without additional effects", 0.0)
     vehicle = first_guess.single_track()
@@ -251,7 +263,9 @@ def stored(path: Path | None) -> dict[str, dict[str, Any]]:
     return found | (json.loads(source.read_text()) if source.is_file() else {})
 
 
-def choose(logs: Logs, vehicle: Vehicle | None = None, *, progress: Progress | None = None) -> Choice:
+def choose(
+    logs: Logs, vehicle: Vehicle | None = None, *, progress: Progress | None = None, check: Run | None = None
+) -> Choice:
     """Says which model may drive a car at its limits, by its logs: the car that they identify, or the learnt one.
 
     Examples:
@@ -262,12 +276,15 @@ def choose(logs: Logs, vehicle: Vehicle | None = None, *, progress: Progress | N
         logs: path of a case folder or of a run's file, or runs at 100 Hz, with torque, sideslip and rim speed;
         vehicle: vehicle file's path or parameters: a first guess, whose effects are identified anew; the shipped
             coupe's without;
-        progress: called with a stage and the share done.
+        progress: called with a stage and the share done;
+        check: slow drive that shows the limit of the steering's rate (`simulate steering_check`), which lively drives
+            that keep below it do not.
 
     Raises:
-        InvalidLogError: a run cannot be asked; InvalidVehicleError: of the vehicle.
+        InvalidLogError: a run cannot be asked, or the check is of something else; InvalidVehicleError: of the vehicle.
     """
     given = logs_given(logs)
     first_guess = VehicleParameters() if vehicle is None else plant_of(vehicle_given(vehicle).parameters)
     check_drives(given.runs, logs if isinstance(logs, str | Path) else given.case)
-    return ask(given.runs, first_guess, progress)
+    steering = USUAL_STEERING if check is None else steering_of(check, first_guess.single_track())
+    return ask(given.runs, first_guess, progress, steering)

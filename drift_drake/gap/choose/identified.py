@@ -6,6 +6,7 @@ of `ONE_MORE` is then fitted with the others. And it may follow no single-track 
 """
 
 import dataclasses
+import math
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
@@ -75,6 +76,12 @@ class IdentifiedCar(NamedTuple):
     def _said(self, names: Sequence[str]) -> tuple[str, ...]:
         present = [(name, getattr(self.effects, name)) for name in names if getattr(self.effects, name) != 0.0]
         return tuple(f"{name} {size:.3g}{unit_suffix(CATALOGUE[name].unit)}" for name, size in present)
+
+    def with_limit(self, rate: float) -> "IdentifiedCar":
+        """The car with a limit of the steering's rate [rad/s] that its check showed; drives that keep below it do not."""
+        if math.isinf(rate) or self.effects.steering_rate_limit > 0.0:
+            return self
+        return self._replace(effects=self.effects._replace(steering_rate_limit=rate))
 
     def step_model(self) -> EffectsStepModel | DoubleTrackStepModel:
         """What a controller plans with; its readings lose their `sensor_errors`."""

@@ -46,19 +46,25 @@ def run_choose(command: Choose) -> None:
     inputs = [path for path in (command.vehicle, command.check, *run_paths(command.logs)) if path is not None]
     try_outputs({"--out": command.out, "--json": command.json}, inputs)
     check_drives(read_case(command.logs), command.logs)
-    check = None if command.check is None else read_case(command.check)[0]
+    checks = [] if command.check is None else read_case(command.check)
+    single = VehicleParameters() if given is None else plant_of(given).single_track()
     with ended_at_once():
+        from drift_drake.drive.gathering.steering import USUAL_STEERING, steering_of
         from drift_drake.gap.choose.choice import choose
         from drift_drake.gap.choose.rehearsal import rehearse
 
+    steering = USUAL_STEERING
+    for check in checks:
+        steering = steering_of(dataclasses.replace(check, name=str(command.check)), single)
+        print(f"{command.check}: {steering.sentence()}", file=said_to(command.json))
     with progress_bar(command.quiet) as show:
-        choice = choose(command.logs, command.vehicle, progress=show, check=check)
+        choice = choose(command.logs, command.vehicle, progress=show, steering=steering)
     car, rehearsal = choice.found.car, None
     print(choice.sentence(), *choice.remarks, sep="\n", file=said_to(command.json))
     if command.rehearse:
         said = "not rehearsed: whether this car can be drifted is open"
         if car is not None:
-            rehearsal = rehearse(car, VehicleParameters() if given is None else plant_of(given).single_track())
+            rehearsal = rehearse(car, single)
             said = rehearsal.sentence()
         print(said, file=said_to(command.json))
     if command.out is not None:

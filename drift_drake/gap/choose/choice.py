@@ -29,7 +29,7 @@ from drift_drake.car.log.cases import Logs, logs_given
 from drift_drake.car.log.table import COLUMNS, Run
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.common.standard_output import Progress
-from drift_drake.drive.gathering.steering import USUAL_STEERING, Steering, steering_of
+from drift_drake.drive.gathering.steering import USUAL_STEERING, Steering
 from drift_drake.drive.learnt.checkpoint import BayesianModel
 from drift_drake.drive.learnt.hybrid_step import hybrid_samples, load_hybrid
 from drift_drake.drive.learnt.quality import squared_distances
@@ -264,8 +264,9 @@ def stored(path: Path | None) -> dict[str, dict[str, Any]]:
 
 
 def choose(
-    logs: Logs, vehicle: Vehicle | None = None, *, progress: Progress | None = None, check: Run | None = None
-) -> Choice:
+    logs: Logs, vehicle: Vehicle | None = None, *, progress: Progress | None = None,
+    steering: Steering = USUAL_STEERING,
+) -> Choice:  # fmt: skip
     """Says which model may drive a car at its limits, by its logs: the car that they identify, or the learnt one.
 
     Examples:
@@ -277,14 +278,13 @@ def choose(
         vehicle: vehicle file's path or parameters: a first guess, whose effects are identified anew; the shipped
             coupe's without;
         progress: called with a stage and the share done;
-        check: slow drive that shows the limit of the steering's rate (`simulate steering_check`), which lively drives
-            that keep below it do not.
+        steering: that a slow drive showed (`steering_of`): its limit is the identified car's, whose own drives keep
+            below it.
 
     Raises:
-        InvalidLogError: a run cannot be asked, or the check is of something else; InvalidVehicleError: of the vehicle.
+        InvalidLogError: a run cannot be asked; InvalidVehicleError: of the vehicle.
     """
     given = logs_given(logs)
     first_guess = VehicleParameters() if vehicle is None else plant_of(vehicle_given(vehicle).parameters)
     check_drives(given.runs, logs if isinstance(logs, str | Path) else given.case)
-    steering = USUAL_STEERING if check is None else steering_of(check, first_guess.single_track())
     return ask(given.runs, first_guess, progress, steering)

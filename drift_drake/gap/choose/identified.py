@@ -78,7 +78,7 @@ class IdentifiedCar(NamedTuple):
         return tuple(f"{name} {size:.3g}{unit_suffix(CATALOGUE[name].unit)}" for name, size in present)
 
     def with_limit(self, rate: float) -> "IdentifiedCar":
-        """The car with a limit of the steering's rate [rad/s] that its check showed; drives that keep below it do not."""
+        """The car with a limit of the steering's rate [rad/s], which a check showed; its own where it has one."""
         if math.isinf(rate) or self.effects.steering_rate_limit > 0.0:
             return self
         return self._replace(effects=self.effects._replace(steering_rate_limit=rate))

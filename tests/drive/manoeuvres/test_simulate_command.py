@@ -27,7 +27,7 @@ def simulate(vehicle, drive, name, *more):
     return read_run(out)
 
 
-@pytest.mark.parametrize("name", ["straight", "step_steer", "slalom", "figure_8"])
+@pytest.mark.parametrize("name", ["straight", "step_steer", "slalom", "steering_check", "figure_8"])
 def test_each_manoeuvre_writes_a_log(vehicle, name, capsys):
     run = simulate(vehicle, name, "run_0.csv", "--duration", "1.5")
     assert len(run) == 151
@@ -35,6 +35,8 @@ def test_each_manoeuvre_writes_a_log(vehicle, name, capsys):
     assert "ended as planned" in capsys.readouterr().out
     if name == "straight":
         assert run.v[-1] > run.v[0] + 2.0
+    if name == "steering_check":
+        assert run.delta_cmd.max() > 0.1 > -0.1 > run.delta_cmd.min()
     if name == "figure_8":
         assert abs(run.beta[-1]) > 0.3
 

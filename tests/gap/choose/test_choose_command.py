@@ -84,6 +84,46 @@ def test_a_log_that_cannot_be_asked_is_said_so(
     assert said in capsys.readouterr().err
 
 
+@pytest.fixture(scope="module")
+def check(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A slow drive of a car whose steering turns at most 0.3 rad/s."""
+    folder = tmp_path_factory.mktemp("check")
+    effects = draw_effects("validation", 0, 98001)._replace(steering_rate_limit=0.3)
+    write_vehicle(folder / "car.yaml", VehicleParameters(), effects)
+    drive = ["simulate", "steering_check", "--vehicle", str(folder / "car.yaml"), "--out", str(folder / "check.csv")]
+    assert main(drive) == 0
+    return folder / "check.csv"
+
+
+def test_a_check_shows_a_limit_of_the_steering_that_drives_kept_below(
+    logs: Path, check: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The drives are of a car that has none; what is written, and driven in simulation, has it."""
+    out = tmp_path / "identified.yaml"
+    assert main(["choose", str(logs), "--check", str(check), "--out", str(out), "--no-rehearse"]) == 0
+    said = capsys.readouterr().out
+    assert f"{check}: a steering that is 0.0" in said
+    assert "late, as if it turned at most 0.29 rad/s" in said
+    assert "the identified car with steering_rate_limit 0.29" in said
+    assert read_vehicle(out)[1].steering_rate_limit == pytest.approx(0.3, rel=0.1)
+
+
+def test_a_check_of_something_else_is_refused(
+    logs: Path, check: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    table, other = pd.read_csv(check), tmp_path / "other.csv"
+    for change, said in (
+        ({"delta_cmd": table["delta_cmd"].iloc[::-1].to_numpy()}, "the steering does not explain the yaw rate; drive"),
+        ({"t": 2.0 * table["t"]}, "rows are 0.02 s apart; give a log with 0.01 s"),
+    ):
+        table.assign(**change).to_csv(other, index=False)
+        assert main(["choose", str(logs), "--check", str(other)]) == BAD_INPUT
+        message = capsys.readouterr().err
+        assert said in message
+        assert str(other) in message
+        assert message.count("\n") == 1
+
+
 def test_a_double_track_car_is_written_as_one(
     logs: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -100,7 +140,7 @@ def test_a_double_track_car_is_a_first_guess_too(logs: Path, tmp_path: Path, mon
     """As `identify` writes it, and as what `choose` itself has identified."""
     asked = []
     monkeypatch.setattr("drift_drake.gap.choose.choice.ask",
-                        lambda _, first, __: asked.append(first) or Choice(Findings(None), 0.012))  # fmt: skip
+                        lambda _, first, *__: asked.append(first) or Choice(Findings(None), 0.012))  # fmt: skip
     write_vehicle(tmp_path / "car.yaml", CARS["saloon"], Effects(), (CARS["saloon"].single_track(), Effects()))
     assert main(["choose", str(logs), "--vehicle", str(tmp_path / "car.yaml")]) == 0
     assert asked == [CARS["saloon"]]

@@ -49,7 +49,7 @@ def run_choose(command: Choose) -> None:
     checks = [] if command.check is None else read_case(command.check)
     single = VehicleParameters() if given is None else plant_of(given).single_track()
     with ended_at_once():
-        from drift_drake.drive.gathering.steering import USUAL_STEERING, steering_of
+        from drift_drake.drive.manoeuvres.steering_check import USUAL_STEERING, steering_of
         from drift_drake.gap.choose.choice import choose
         from drift_drake.gap.choose.rehearsal import rehearse
 

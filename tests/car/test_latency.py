@@ -60,21 +60,21 @@ def test_the_present_is_the_plants(course: Reference, car: CarParameters, latenc
     assert np.abs(found - true).max() < 0.02 * np.abs(seen - true).max()
 
 
-def test_no_reading_stays_none_and_what_follows_is_told_as_ever(course: Reference) -> None:
+def test_no_reading_stays_none_and_what_follows_is_as_ever(course: Reference) -> None:
     model = known_car_model(CAR, EFFECTS)
     system, bad = LatencyCompensation(model, 0.03, course.path), np.full(7, np.nan)
     fresh, after = system.CreateDefaultContext(), system.CreateDefaultContext()
     reading = np.append(course.state(0.0), 1.0)
 
-    def told(context: Context, measured: Array, t: float) -> Array:
+    def present(context: Context, measured: Array, t: float) -> Array:
         context.SetTime(t)
         system.GetInputPort("measured_state").FixValue(context, measured)
         system.GetInputPort("command").FixValue(context, COMMAND)
         return np.array(system.get_output_port().Eval(context))
 
-    assert np.isnan(told(after, bad, 0.0)).all()
+    assert np.isnan(present(after, bad, 0.0)).all()
     after.SetDiscreteState(system.EvalUniquePeriodicDiscreteUpdate(after))
-    np.testing.assert_array_equal(told(after, reading, 0.01), told(fresh, reading, 0.0))
+    np.testing.assert_array_equal(present(after, reading, 0.01), present(fresh, reading, 0.0))
 
 
 def test_a_car_that_nobody_knows_has_its_reading_as_it_is(course: Reference) -> None:

@@ -8,9 +8,9 @@ import numpy as np
 from drift_drake.car.step_model import INPUT_SCALE, STATE_SCALE
 from drift_drake.common.arrays import Array
 from drift_drake.common.errors import InvalidOptionError
-from drift_drake.drive.gathering.steering import USUAL_STEERING, Steering
 from drift_drake.drive.learnt.bayesian_step import PathStep
 from drift_drake.drive.learnt.command_lag import LAGGED
+from drift_drake.drive.manoeuvres.steering_check import USUAL_STEERING, Steering
 from drift_drake.drive.mpc.ocp import OcpData, OcpWeights, OptimalControlProblem
 from drift_drake.drive.mpc.plan import DT
 from drift_drake.drive.qp.qp import QpMethod

@@ -19,7 +19,6 @@ from drift_drake.drive.gathering.plan import (
     information_expected,
     information_gained,
 )
-from drift_drake.drive.gathering.steering import DURATION, SPEED, Steering, SteeringCheck, steering_of
 from drift_drake.drive.learnt.checkpoint import BayesianModel
 from drift_drake.drive.learnt.command_lag import LAGGED
 from drift_drake.drive.learnt.lag_bank import learn_with_lags
@@ -28,6 +27,7 @@ from drift_drake.drive.learnt.quality import learn
 from drift_drake.drive.learnt.samples import Samples, concatenate, samples_from_log
 from drift_drake.drive.loop.drive import Drive, DriveLimits
 from drift_drake.drive.manoeuvres.drivers import ROW_PERIOD
+from drift_drake.drive.manoeuvres.steering_check import DURATION, SPEED, Steering, SteeringCheck, steering_of
 from drift_drake.drive.mpc.plan import DT
 from drift_drake.drive.mpc.tracking import TrackingController, tracking_gains
 

@@ -18,8 +18,8 @@ from drift_drake.car.sensors import NoiseLevels
 from drift_drake.car.step_model import NominalStepModel
 from drift_drake.car.vehicle_file import check_effects, check_plausible
 from drift_drake.common.arrays import Array
-from drift_drake.drive.gathering import steering
 from drift_drake.drive.loop.drive import LOG_PERIOD, Drive, DriveLimits
+from drift_drake.drive.manoeuvres import steering_check as check
 from drift_drake.drive.manoeuvres.drivers import ROW_PERIOD, RowByRowDriver
 from drift_drake.drive.manoeuvres.options import COMMANDS, FASTEST, NAMES, Name, Simulate, check_options
 from drift_drake.drive.mpc.controller import MpcController
@@ -87,9 +87,9 @@ def slalom(p: VehicleParameters, speed: float, steering: float) -> Manoeuvre:
 
 def steering_check(p: VehicleParameters, _speed: float, _steering: float) -> Manoeuvre:
     """Steers to and fro on a straight, slowly."""
-    state = np.array([0.0, steering.SPEED, 0.0, steering.SPEED, 0.0, 0.0])
-    lane = straight_line(steering.SPEED, steering.SPEED, steering.DURATION, steering.HALF_WIDTH)
-    return Manoeuvre(steering.SteeringCheck(p), 1, ROW_PERIOD, state, (0.0, 0.0), steering.DURATION, lane)
+    state = np.array([0.0, check.SPEED, 0.0, check.SPEED, 0.0, 0.0])
+    lane = straight_line(check.SPEED, check.SPEED, check.DURATION, check.HALF_WIDTH)
+    return Manoeuvre(check.SteeringCheck(p), 1, ROW_PERIOD, state, (0.0, 0.0), check.DURATION, lane)
 
 
 MANOEUVRES: dict[Name, Callable[[VehicleParameters, float, float], Manoeuvre]] = {

@@ -29,11 +29,11 @@ from drift_drake.car.log.cases import Logs, logs_given
 from drift_drake.car.log.table import COLUMNS, Run
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.common.standard_output import Progress
-from drift_drake.drive.gathering.steering import USUAL_STEERING, Steering
 from drift_drake.drive.learnt.checkpoint import BayesianModel
 from drift_drake.drive.learnt.hybrid_step import hybrid_samples, load_hybrid
 from drift_drake.drive.learnt.quality import squared_distances
 from drift_drake.drive.learnt.samples import Samples, concatenate
+from drift_drake.drive.manoeuvres.steering_check import USUAL_STEERING, Steering
 from drift_drake.gap.choose.identified import BIASES, ONE_MORE, IdentifiedCar, identified, identified_double_track
 from drift_drake.gap.choose.usable_drives import LIVELY, asked_parts, check_drives, liveliness
 from drift_drake.gap.estimation.windows import WindowedRun, forecast_error, windowed
@@ -126,7 +126,7 @@ def ask(
     Args:
         runs: with torque, sideslip and rim speed; of long ones pieces are asked (`asked_parts`);
         first_guess: of the car, of either kind; progress: called with a stage and a share.
-        steering: that a slow drive showed (`drive.gathering.steering`).
+        steering: that a slow drive showed (`drive.manoeuvres.steering_check`).
 
     Raises:
         InvalidLogError: a column that holds no number.

@@ -15,10 +15,10 @@ from drift_drake.drive.gathering.config import RATE_SHARE, GatheringConfig
 from drift_drake.drive.gathering.gather import check_steering, execution, gather, with_steering
 from drift_drake.drive.gathering.plan import InfeasiblePlanError, Trajectory, plan_drive
 from drift_drake.drive.gathering.rehearsed_plan import boldest, holds
-from drift_drake.drive.gathering.steering import ANGLE, DURATION, SPEED, Steering, SteeringCheck
 from drift_drake.drive.learnt.checkpoint import BayesianModel
 from drift_drake.drive.learnt.command_lag import LAGGED, lagged_commands
 from drift_drake.drive.loop.drive import Drive, DriveLimits
+from drift_drake.drive.manoeuvres.steering_check import ANGLE, DURATION, SPEED, Steering, SteeringCheck
 from drift_drake.drive.mpc.plan import interpolate_knots
 from drift_drake.drive.reference.trajectory import straight_line
 from experiments.benchmarks.vehicles import draw_effects

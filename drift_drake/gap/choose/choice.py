@@ -23,6 +23,7 @@ import pandas as pd
 from scipy.special import stdtrit
 
 from drift_drake.car.car_file import PlantParameters, plant_of
+from drift_drake.car.effects.magnitudes import Effects
 from drift_drake.car.effects.record import wheelbase
 from drift_drake.car.given_vehicle import Vehicle, vehicle_given
 from drift_drake.car.log.cases import Logs, logs_given
@@ -131,26 +132,28 @@ def ask(
     Raises:
         InvalidLogError: a column that holds no number.
     """
-    choice = _asked(runs, first_guess, progress)
+    choice = _asked(runs, first_guess, progress, Effects() if steering.usual else steering.effects)
     car = choice.found.car
     return choice if car is None else choice._replace(found=choice.found._replace(car=car.with_limit(steering.rate)))
 
 
-def _asked(runs: Sequence[Run], first_guess: PlantParameters, progress: Progress | None) -> Choice:
-    """The same, of a steering without a limit."""
+def _asked(
+    runs: Sequence[Run], first_guess: PlantParameters, progress: Progress | None, start: Effects
+) -> Choice:  # fmt: skip
+    """The same; start: of effects that a fit begins with."""
     tell = progress or (lambda _stage, _share: None)
     tell("the car without additional effects", 0.0)
     vehicle = first_guess.single_track()
     doubtful = doubts(runs, vehicle)
     runs, remarks = asked_parts(runs, vehicle)
     limit, judged = usual_error().limit(), [windowed(run) for run in runs]
-    car = identified(runs, vehicle)
+    car = identified(runs, vehicle, start=start)
     error = car_error(car, judged)
     found = Findings(car, error, doubtful, as_it_is=error)
     if found.doubts or error <= limit:
         tell("done", 1.0)
         return Choice(found, limit, remarks=tuple(remarks))
-    best = _another_car(runs, first_guess, limit, judged, tell)
+    best = _another_car(runs, first_guess, limit, judged, tell, start)
     tell("done", 1.0)
     error = car_error(best, judged)
     if error <= limit:
@@ -173,13 +176,14 @@ def surprise_of(runs: Sequence[Run], car: IdentifiedCar, model: BayesianModel) -
 
 
 def _another_car(
-    runs: Sequence[Run], first_guess: PlantParameters, limit: float, judged: Sequence[WindowedRun], tell: Progress
-) -> IdentifiedCar | None:
+    runs: Sequence[Run], first_guess: PlantParameters, limit: float, judged: Sequence[WindowedRun], tell: Progress,
+    start: Effects,
+) -> IdentifiedCar | None:  # fmt: skip
     """The car that predicts best with an additional fault or, where that is beyond the limit, as a double-track one."""
     cars, stages = list[IdentifiedCar | None](), 3 + len(ONE_MORE)
     for number, name in enumerate(ONE_MORE, 1):
         tell(f"with {name}", number / stages)
-        cars.append(identified(runs, first_guess.single_track(), (name,)))
+        cars.append(identified(runs, first_guess.single_track(), (name,), start))
     best = min(cars, key=lambda car: car_error(car, judged))
     if car_error(best, judged) <= limit:
         return best

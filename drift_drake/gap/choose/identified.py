@@ -100,19 +100,22 @@ def runs_of(tables: Sequence[pd.DataFrame]) -> list[Run]:
     return [Run(name=f"drive_{k}", **found) for k, found in enumerate(columns)]
 
 
-def identified(runs: Sequence[Run], first_guess: VehicleParameters, more: Sequence[str] = ()) -> IdentifiedCar | None:
+def identified(
+    runs: Sequence[Run], first_guess: VehicleParameters, more: Sequence[str] = (), start: Effects = Effects()
+) -> IdentifiedCar | None:
     """The car that fits the drives best, by the filter's likelihood; None where they are too short or it has no peak.
 
     Nothing is believed known but the equations: masses, inertias, stiffnesses, friction and the drive's gain have
     broad priors, and the effects that a driven car may have are fitted with them (`calibrate`).
 
     Args:
-        more: effects that it may have in addition to `EFFECTS`.
+        more: effects that it may have in addition to `EFFECTS`; start: of some of them, which the car has, too.
     """
     try:
         with np.errstate(divide="ignore", invalid="ignore"):
             # What gentle drives do not show is judged by how the car predicts (`gap.choose.choice`), not kept.
-            asked = Asked(first_guess, known=(), names=(*EFFECTS, *more), criterion="likelihood", force=True, unseen=())
+            names = (*EFFECTS, *more)
+            asked = Asked(first_guess, start, known=(), names=names, criterion="likelihood", force=True, unseen=())
             found = calibrate(runs, asked)
     except (InvalidLogError, InvalidVehicleError, np.linalg.LinAlgError):
         return None

@@ -76,7 +76,7 @@ def identify_by_likelihood(
     chosen, warnings = seen_effects(runs, shown_effects(asked, runs))
     wide = widened(vehicle, known)
     problem = make_problem(runs, wide, stated=stated)
-    problem = problem.replace(ranges=effect_ranges(chosen, vehicle, runs), step=STEP)
+    problem = problem.replace(ranges=effect_ranges(chosen, vehicle, runs, effects), step=STEP)
     first = first_guess(problem, chosen, effects)
     best = least_r_over_q_fit(problem, chosen, (first, first_guess(problem, chosen, effects, HARDLY)), tell)
     tell("all rows", 0.8)

@@ -55,9 +55,12 @@ def shown_effects(effects: Sequence[str], runs: Sequence[Run]) -> list[str]:
 
 
 def effect_ranges(
-    names: Sequence[str], vehicle: VehicleParameters, runs: Sequence[Run]
+    names: Sequence[str], vehicle: VehicleParameters, runs: Sequence[Run], effects: Effects = Effects()
 ) -> dict[str, tuple[float, float]]:
-    """Flat priors of the effects, on the car's own scale; the diagnosis's ranges are a full-size car's."""
+    """Flat priors of the effects, on the car's own scale; the diagnosis's ranges are a full-size car's.
+
+    effects: of the first guess, whose lags may be twice as long.
+    """
     top = max(float(np.max(np.abs(run.v))) for run in runs)
     weight = vehicle.mass * vehicle.gravity
     retardation = {"N s^2/m^2": weight / top**2, "-": 1.0, "N m": weight * vehicle.wheel_radius, "N": weight}
@@ -69,7 +72,8 @@ def effect_ranges(
         elif info.share and info.signed:
             own[name] = -LARGEST_SPLIT, LARGEST_SPLIT
         elif info.unit == "s" and info.stage in ("command", "actuator"):
-            own[name] = -LONGEST_LAG if info.signed else 0.0, LONGEST_LAG
+            longest = max(LONGEST_LAG, 2.0 * abs(float(getattr(effects, name))))
+            own[name] = -longest if info.signed else 0.0, longest
     return own
 
 

@@ -20,6 +20,9 @@ from drift_drake.gap.choose import choice as choice_module
 from drift_drake.gap.choose.choice import Choice, Findings, ask, car_error, doubts, usual_error
 from drift_drake.gap.choose.identified import ONE_MORE, IdentifiedCar, identified, identified_double_track, runs_of
 from drift_drake.gap.estimation.windows import forecast_error, windowed
+from drift_drake.gap.identification.estimate import effect_ranges
+from experiments.benchmarks.vehicles import draw_effects
+from experiments.gathering.beliefs import informative_drives
 from experiments.other_worlds.true_cars import OwnCar, true_plant
 
 CONFIG = GatheringConfig(v_end=14.0, starts=1)
@@ -192,7 +195,10 @@ def test_a_car_is_asked_for_more_only_where_it_is_not_yet_known(
     """As it is, with an additional fault, as a double-track car, and as one whose sensors are off by far."""
     asked = []
 
-    def single(_runs: object, _guess: object, more: tuple[str, ...] = ()) -> IdentifiedCar | None:
+    def single(
+        _runs: object, _guess: object, more: tuple[str, ...] = (), start: Effects = Effects()
+    ) -> IdentifiedCar | None:
+        assert start == Effects()
         asked.append(more[0] if more else "")
         known = errors.get(asked[-1])
         return known and IdentifiedCar(VehicleParameters(), Effects()._replace(aero_drag=known))
@@ -259,6 +265,25 @@ def test_a_limit_that_a_check_showed_is_the_cars_where_its_drives_showed_none() 
     assert car.with_limit(0.5).effects == Effects(steering_lag=0.05, steering_rate_limit=0.5)
     assert car.with_limit(np.inf) is car
     assert car.with_limit(0.5).with_limit(0.7).effects.steering_rate_limit == 0.5
+
+
+@pytest.mark.slow
+def test_a_limit_that_is_met_is_not_taken_for_a_lag(model: BayesianModel) -> None:
+    """Where the check has shown one: a fit without that start ends at a lag of 0.3 s and no limit."""
+    effects = draw_effects("held_out", 3, 291205)._replace(steering_rate_limit=0.7)
+    config = GatheringConfig()
+    driven = informative_drives(model, plan_drive(model, model.prior(), config, config.alpha), effects, config, 0)
+    choice = ask(runs_of(driven.tables), VehicleParameters(), steering=driven.config.steering)
+    assert choice.believed == "identified"
+    assert choice.found.car is not None
+    assert choice.found.car.effects.steering_rate_limit == pytest.approx(0.7, rel=0.03)
+    assert choice.found.car.effects.steering_lag == pytest.approx(effects.steering_lag, abs=0.01)
+
+
+def test_a_lag_of_the_first_guess_lies_within_its_range(driven: list[pd.DataFrame]) -> None:
+    asked = ["steering_lag"], VehicleParameters(), runs_of(driven)
+    assert effect_ranges(*asked, Effects(steering_lag=0.7)) == {"steering_lag": (0.0, 1.4)}
+    assert effect_ranges(*asked) == {"steering_lag": (0.0, 0.5)}
 
 
 @pytest.mark.slow

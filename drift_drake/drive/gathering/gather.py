@@ -27,7 +27,7 @@ from drift_drake.drive.learnt.quality import learn
 from drift_drake.drive.learnt.samples import Samples, concatenate, samples_from_log
 from drift_drake.drive.loop.drive import Drive, DriveLimits
 from drift_drake.drive.manoeuvres.drivers import ROW_PERIOD
-from drift_drake.drive.manoeuvres.steering_check import DURATION, SPEED, Steering, SteeringCheck, steering_of
+from drift_drake.drive.manoeuvres.steering_check import Steering, SteeringCheck, steering_of
 from drift_drake.drive.mpc.plan import DT
 from drift_drake.drive.mpc.tracking import TrackingController, tracking_gains
 
@@ -63,10 +63,9 @@ def check_steering(
     plant: PathPlant | None = None,
 ) -> Steering:  # fmt: skip
     """Drives a `SteeringCheck` along the lane, and says what it shows."""
-    drive = Drive(parameters, SteeringCheck(parameters), 1, ROW_PERIOD, None, (0.0, 0.0), effects, lane(config),
-                  plant=plant)  # fmt: skip
-    start = np.array([0.0, SPEED, 0.0, SPEED, 0.0, 0.0])
-    table, _ = drive.run(start, 0.0, DURATION, seed, DriveLimits(min_speed=SLOWEST))
+    check = SteeringCheck(parameters)
+    drive = Drive(parameters, check, 1, ROW_PERIOD, None, (0.0, 0.0), effects, lane(config), plant=plant)
+    table, _ = drive.run(check.start(), 0.0, check.duration, seed, DriveLimits(min_speed=SLOWEST))
     columns: dict[str, Any] = {name: table[name].to_numpy() for name in COLUMNS if name in table}
     return steering_of(Run(name="the steering's check", **columns), parameters)
 

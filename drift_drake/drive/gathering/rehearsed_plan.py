@@ -23,17 +23,13 @@ def holds(trajectory: Trajectory, parameters: VehicleParameters, config: Gatheri
             steering_lag=steering.steering_lag, steering_rate_limit=steering.steering_rate_limit
         )
         table, ending = gather(trajectory, effects, parameters, config, k)
-        inside = (
-            table["e"].abs().max() <= config.half_width and table["beta"].abs().max() <= SIDESLIP * config.max_sideslip
-        )
-        if ending != "time" or not inside:
+        e, beta = (float(table[column].abs().max()) for column in ("e", "beta"))
+        if ending != "time" or e > config.half_width or beta > SIDESLIP * config.max_sideslip:
             return False
     return True
 
 
-def boldest(
-    plan: Callable[[float], Trajectory], parameters: VehicleParameters, config: GatheringConfig
-) -> Trajectory:  # fmt: skip
+def boldest(plan: Callable[[float], Trajectory], parameters: VehicleParameters, config: GatheringConfig) -> Trajectory:
     """The plan of the most information under which such cars keep to the lane.
 
     Args:

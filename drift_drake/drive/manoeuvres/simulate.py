@@ -19,13 +19,13 @@ from drift_drake.car.step_model import NominalStepModel
 from drift_drake.car.vehicle_file import check_effects, check_plausible
 from drift_drake.common.arrays import Array
 from drift_drake.drive.loop.drive import LOG_PERIOD, Drive, DriveLimits
-from drift_drake.drive.manoeuvres import steering_check as check
 from drift_drake.drive.manoeuvres.drivers import ROW_PERIOD, RowByRowDriver
 from drift_drake.drive.manoeuvres.options import COMMANDS, FASTEST, NAMES, Name, Simulate, check_options
+from drift_drake.drive.manoeuvres.steering_check import SteeringCheck
 from drift_drake.drive.mpc.controller import MpcController
 from drift_drake.drive.mpc.mpc import Mpc
 from drift_drake.drive.mpc.plan import DT, Plan
-from drift_drake.drive.reference.trajectory import Reference, figure_8, loops, straight_line
+from drift_drake.drive.reference.trajectory import Reference, figure_8, loops
 
 SPEED_TIME = 1.0  # [s] in which a script's driver takes off an error in speed
 ACCELERATION = 2.5  # [m/s^2] of the straight
@@ -87,9 +87,8 @@ def slalom(p: VehicleParameters, speed: float, steering: float) -> Manoeuvre:
 
 def steering_check(p: VehicleParameters, _speed: float, _steering: float) -> Manoeuvre:
     """Steers to and fro on a straight, slowly."""
-    state = np.array([0.0, check.SPEED, 0.0, check.SPEED, 0.0, 0.0])
-    lane = straight_line(check.SPEED, check.SPEED, check.DURATION, check.HALF_WIDTH)
-    return Manoeuvre(check.SteeringCheck(p), 1, ROW_PERIOD, state, (0.0, 0.0), check.DURATION, lane)
+    check = SteeringCheck(p)
+    return Manoeuvre(check, 1, ROW_PERIOD, check.start(), (0.0, 0.0), check.duration, check.lane)
 
 
 MANOEUVRES: dict[Name, Callable[[VehicleParameters, float, float], Manoeuvre]] = {

@@ -18,8 +18,11 @@ from drift_drake.car.single_track.motion import motion
 from drift_drake.common.arrays import Array
 from drift_drake.drive.learnt.command_lag import TYPICAL
 from drift_drake.drive.manoeuvres.drivers import ROW_PERIOD, RowByRowDriver
+from drift_drake.drive.reference.similarity import similarity
+from drift_drake.drive.reference.trajectory import straight_line
 
-SPEED = 6.0  # [m/s] of the check, at which the tyres hardly slide
+# Of the check of a car of the default one's size; of others in their own units (`similarity`).
+SPEED = 6.0  # [m/s], at which the tyres hardly slide
 ANGLE = 0.12  # [rad] to either side: 0.3 rad/s of yaw rate, and at most 1 m off the lane's middle
 SCRIPT = ((0.5, 0.0), (1.3, 1.0), (2.5, -1.0), (3.0, 0.6), (4.5, 0.0))  # until when [s], which share of the angle
 DURATION = SCRIPT[-1][0]  # [s]
@@ -32,10 +35,7 @@ LIMITED = 0.6  # of the squares that are left over without a limit of the rate, 
 UNEXPLAINED = 0.1  # share of the yaw rate's variance, from which on a log is of something else
 CLOSE = 1e-4  # [s] between rows
 LEAST, MOST = np.log([0.01, 0.05]), np.log([2.0, 20.0])  # of both
-USUAL = (
-    0.1,
-    2.2,
-)  # [s], [rad/s]: up to this lag, from this rate on, a drive that is planned for a typical steering holds
+USUAL = (0.1, 2.2)  # [s], [rad/s]: up to this lag and from this rate on, plans for a typical steering hold
 
 
 class Steering(NamedTuple):
@@ -72,16 +72,27 @@ class SteeringCheck(RowByRowDriver):
     """Steers to and fro at a low speed along a straight lane.
 
     Ports and state: see `RowByRowDriver`.
+
+    Attributes:
+        speed, duration: [m/s], [s]; lane: that it needs.
     """
 
     def __init__(self, parameters: VehicleParameters) -> None:
         super().__init__(parameters)
+        self._units = similarity(parameters)
         self._torque_per_acceleration = parameters.mass * parameters.wheel_radius / parameters.gear_ratio
+        self.speed, self.duration = SPEED * self._units.speed, DURATION * self._units.time
+        self.lane = straight_line(self.speed, self.speed, self.duration, HALF_WIDTH * self._units.length)
+
+    def start(self) -> Array:
+        """The state [6] that it starts from."""
+        return np.array([0.0, self.speed, 0.0, self.speed, 0.0, 0.0])
 
     def wanted(self, t: float, measured: Array) -> Array:
-        share = next((share for until, share in SCRIPT if t < until), 0.0)
-        delta = ANGLE * share - BACK[0] * measured[4] - BACK[1] * measured[5]
-        return np.array([delta, self._torque_per_acceleration * (SPEED - measured[1]) / SPEED_TIME])
+        share = next((share for until, share in SCRIPT if t < until * self._units.time), 0.0)
+        delta = ANGLE * share - BACK[0] / self._units.length * measured[4] - BACK[1] * measured[5]
+        acceleration = (self.speed - measured[1]) / (SPEED_TIME * self._units.time)
+        return np.array([delta, self._torque_per_acceleration * acceleration])
 
 
 def steering_of(run: Run, parameters: VehicleParameters) -> Steering:

@@ -18,9 +18,8 @@ from drift_drake.drive.gathering.rehearsed_plan import boldest, holds
 from drift_drake.drive.learnt.checkpoint import BayesianModel
 from drift_drake.drive.learnt.command_lag import LAGGED, lagged_commands
 from drift_drake.drive.loop.drive import Drive, DriveLimits
-from drift_drake.drive.manoeuvres.steering_check import ANGLE, DURATION, SPEED, Steering, SteeringCheck
+from drift_drake.drive.manoeuvres.steering_check import ANGLE, Steering, SteeringCheck
 from drift_drake.drive.mpc.plan import interpolate_knots
-from drift_drake.drive.reference.trajectory import straight_line
 from experiments.benchmarks.vehicles import draw_effects
 
 CAR, CONFIG = VehicleParameters(), GatheringConfig()
@@ -55,11 +54,9 @@ def test_a_typical_steering_is_as_usual() -> None:
     Effects(steering_lag=1.0), Effects(steering_rate_limit=0.15), Effects(steering_offset=0.03, friction_level=-0.5),
 ])  # fmt: skip
 def test_the_check_itself_keeps_to_the_lane(effects: Effects) -> None:
-    lane = straight_line(SPEED, SPEED, DURATION, CONFIG.half_width)
-    drive = Drive(CAR, SteeringCheck(CAR), 1, 0.01, None, (0.0, 0.0), effects, lane)
-    table, ending = drive.run(
-        np.array([0.0, SPEED, 0.0, SPEED, 0.0, 0.0]), 0.0, DURATION, 0, DriveLimits(min_speed=1.0)
-    )
+    check = SteeringCheck(CAR)
+    drive = Drive(CAR, check, 1, 0.01, None, (0.0, 0.0), effects, check.lane)
+    table, ending = drive.run(check.start(), 0.0, check.duration, 0, DriveLimits(min_speed=1.0))
     assert ending == "time"
     assert table["delta_cmd"].abs().max() > 0.9 * ANGLE
     assert table["e"].abs().max() < 0.5 * CONFIG.half_width

@@ -12,6 +12,8 @@ from drift_drake.car.parameters import VehicleParameters
 from drift_drake.car.vehicle_file import write_vehicle
 from drift_drake.cli.main import main
 from drift_drake.drive.manoeuvres.simulate import MANOEUVRES
+from drift_drake.drive.manoeuvres.steering_check import steering_of
+from drift_drake.drive.reference.similarity import Similarity
 
 
 @pytest.fixture
@@ -39,6 +41,16 @@ def test_each_manoeuvre_writes_a_log(vehicle, name, capsys):
         assert run.delta_cmd.max() > 0.1 > -0.1 > run.delta_cmd.min()
     if name == "figure_8":
         assert abs(run.beta[-1]) > 0.3
+
+
+def test_a_small_car_is_checked_at_its_own_speed(tmp_path):
+    """A tenth of the length: by Froude's similarity a third of the speed, in a third of the time."""
+    path, small = tmp_path / "small.yaml", Similarity(10.0, 10.0**0.5, 1000.0).usual(VehicleParameters())
+    write_vehicle(path, small, make_effects({"steering_rate_limit": 1.5}))
+    run = simulate(path, "steering_check", "run_0.csv", "--noise", "0.1")
+    assert run.t[-1] == pytest.approx(4.5 * 0.1**0.5, abs=0.01)
+    assert run.v.mean() == pytest.approx(6.0 * 0.1**0.5, rel=0.03)
+    assert steering_of(run, small).rate == pytest.approx(1.5, rel=0.15)
 
 
 def test_the_catalogue_of_manoeuvres_is_in_the_help(capsys):

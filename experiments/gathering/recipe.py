@@ -37,7 +37,7 @@ def as_in_paper(
     """
     return dataclasses.replace(
         config, objective=objective, objective_later=objective, fixed_alpha=True, ends_straight=False, bounded=False,
-        checks=False,        path_step="euler", learn_lags=False, alpha=alpha, only_converged=True, qp=qp,
+        checks=False, path_step="euler", learn_lags=False, alpha=alpha, only_converged=True, qp=qp,
     )  # fmt: skip
 
 

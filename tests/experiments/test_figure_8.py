@@ -110,7 +110,7 @@ def test_a_double_track_car_is_gathered_from_and_drifts(
     main(double)
     for model in ("once_info", "oracle"):
         assert json.loads((tmp_path / f"{model}-000-0.json").read_text())["outcome"] == "completed"
-    assert plants == [True, True, True]  # along the lane, and in both drifts
+    assert plants == [True, True, True, True]  # for the steering's check, along the lane, and in both drifts
     loop = drift_runs.closed_loop(
         drift_runs.DriveJob("", {}, "figure_8", double.effects(0), 0, "oracle", FAST, "double_track")
     )
@@ -167,7 +167,7 @@ def test_an_identified_car_is_kept_with_what_was_taught(
     tmp_path: Path, here: ExecutorConfig, monkeypatch: pytest.MonkeyPatch, vehicle: CarParameters
 ) -> None:
     car = IdentifiedCar(vehicle, Effects()._replace(torque_lag=0.1))
-    monkeypatch.setattr(choice, "identified", lambda *_: car)
+    monkeypatch.setattr(choice, "identified", lambda *_, **__: car)
     settings = dataclasses.replace(config(tmp_path, here), models=("identified",))
     main(settings)
     taught = beliefs.gather_all([(0, 0)], settings.effects, frozenset({"identified"}), drift_runs.load_model(None),

@@ -62,7 +62,7 @@ def test_each_rung_of_the_papers_model_adds_to_the_one_before() -> None:
         {"bounded": True, "ends_straight": True, "alpha": 8.0, "only_converged": False},  # the bounds bear more weight
         {"fixed_alpha": False},
         {"objective_later": "drifts"},
-        {"path_step": "trapezoid"},
+        {"path_step": "trapezoid", "checks": True},
         {"control": "trapezoid"},
     ]
 

@@ -29,7 +29,9 @@ def _reading() -> np.ndarray:
 def test_a_reading_loses_its_sensors_errors() -> None:
     np.testing.assert_allclose(corrected_reading(_reading(), ERRORS), TRUE, rtol=1e-12)
     assert not any(on_the_motion(ERRORS))
-    assert sensor_errors(ERRORS._replace(mass_error=0.1, sensor_latency=0.05)) == ERRORS
+    late = ERRORS._replace(sensor_latency=0.05)  # over which a reading is run on (`car.latency`)
+    assert sensor_errors(late._replace(mass_error=0.1)) == late
+    np.testing.assert_array_equal(corrected_reading(_reading(), late), corrected_reading(_reading(), ERRORS))
 
 
 def test_the_system_is_the_function() -> None:

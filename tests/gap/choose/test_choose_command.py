@@ -98,14 +98,14 @@ def check(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_a_check_shows_a_limit_of_the_steering_that_drives_kept_below(
     logs: Path, check: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """The drives are of a car that has none; what is written, and driven in simulation, has it."""
+    """The drives are of a car that has none: what is identified from them begins with the check's."""
     out = tmp_path / "identified.yaml"
     assert main(["choose", str(logs), "--check", str(check), "--out", str(out), "--no-rehearse"]) == 0
     said = capsys.readouterr().out
     assert f"{check}: a steering that is 0.0" in said
     assert "late, as if it turned at most 0.29 rad/s" in said
-    assert "the identified car with steering_rate_limit 0.29" in said
-    assert read_vehicle(out)[1].steering_rate_limit == pytest.approx(0.3, rel=0.1)
+    assert "the identified car with steering_rate_limit" in said
+    assert read_vehicle(out)[1].steering_rate_limit >= 0.29
 
 
 def test_a_check_of_something_else_is_refused(

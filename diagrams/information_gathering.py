@@ -83,7 +83,8 @@ def main(options: Options) -> None:
         )
     if config.learn_lags and "Twice-Info" in beliefs:
         model, beliefs["Twice-Info"] = learn_drives(model, driven, config)
-        print(f"both drives are likeliest with lags of {model.lag[0]:.3g} s (steering) and {model.lag[1]:.3g} s (torque)")
+        lags = f"{model.lag[0]:.3g} s (steering) and {model.lag[1]:.3g} s (torque)"
+        print(f"both drives are likeliest with lags of {lags}")
     print(ask(runs_of(driven), parameters, steering=config.steering).sentence())
 
 

@@ -24,6 +24,7 @@ class RowByRowDriver(LeafSystem):
     def __init__(self, parameters: VehicleParameters) -> None:
         LeafSystem.__init__(self)
         self._low, self._high = parameters.command_limits()
+        self._torque_per_acceleration = parameters.mass * parameters.wheel_radius / parameters.gear_ratio
         self._measured = self.DeclareVectorInputPort("measured_state", 7)
         self._plan = self.DeclareDiscreteState(no_plan(1))
         self.DeclareStateOutputPort("plan", self._plan)
@@ -32,6 +33,10 @@ class RowByRowDriver(LeafSystem):
     @abstractmethod
     def wanted(self, t: float, measured: Array) -> Array:
         """(delta [rad], tau [N m]) for a time [s], from the measured state [7], before limits."""
+
+    def torque(self, acceleration: float) -> float:
+        """[N m] that accelerates the car [m/s^2] where nothing resists."""
+        return self._torque_per_acceleration * acceleration
 
     def command(self, t: float, measured: Array) -> Array:
         """The same within limits."""

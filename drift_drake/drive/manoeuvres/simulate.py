@@ -57,11 +57,10 @@ class ScriptDriver(RowByRowDriver):
     def __init__(self, parameters: VehicleParameters, script: Callable[[float], tuple[float, float, float]]) -> None:
         super().__init__(parameters)
         self._script = script
-        self._torque_per_acceleration = parameters.mass * parameters.wheel_radius / parameters.gear_ratio
 
     def wanted(self, t: float, measured: Array) -> Array:
         delta, speed, acceleration = self._script(t)
-        tau = self._torque_per_acceleration * (acceleration + (speed - float(measured[1])) / SPEED_TIME)
+        tau = self.torque(acceleration + (speed - float(measured[1])) / SPEED_TIME)
         return np.array([delta, tau])
 
 

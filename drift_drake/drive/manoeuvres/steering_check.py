@@ -80,7 +80,6 @@ class SteeringCheck(RowByRowDriver):
     def __init__(self, parameters: VehicleParameters) -> None:
         super().__init__(parameters)
         self._units = similarity(parameters)
-        self._torque_per_acceleration = parameters.mass * parameters.wheel_radius / parameters.gear_ratio
         self.speed, self.duration = SPEED * self._units.speed, DURATION * self._units.time
         self.lane = straight_line(self.speed, self.speed, self.duration, HALF_WIDTH * self._units.length)
 
@@ -92,7 +91,7 @@ class SteeringCheck(RowByRowDriver):
         share = next((share for until, share in SCRIPT if t < until * self._units.time), 0.0)
         delta = ANGLE * share - BACK[0] / self._units.length * measured[4] - BACK[1] * measured[5]
         acceleration = (self.speed - measured[1]) / (SPEED_TIME * self._units.time)
-        return np.array([delta, self._torque_per_acceleration * acceleration])
+        return np.array([delta, self.torque(acceleration)])
 
 
 def steering_of(run: Run, parameters: VehicleParameters) -> Steering:

@@ -10,6 +10,7 @@ from functools import partial
 from pathlib import Path
 
 from diagrams.command import run_command
+from drift_drake.car.log.cases import runs_of
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.common.run_folder import make_run_folder
 from drift_drake.drive.gathering.gather import check_steering, execution, learn_drives, taught, with_steering
@@ -18,7 +19,6 @@ from drift_drake.drive.gathering.rehearsed_plan import boldest
 from drift_drake.drive.learnt.checkpoint import load_model
 from drift_drake.drive.learnt.posterior import Posterior, covariance_norms
 from drift_drake.gap.choose.choice import ask
-from drift_drake.gap.choose.identified import runs_of
 from drift_drake.view.pictures.graph import draw_graph
 from experiments.benchmarks.vehicles import Population, draw_effects
 from experiments.gathering.recipe import Recipe

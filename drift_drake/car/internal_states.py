@@ -17,7 +17,7 @@ from drift_drake.common.arrays import Array
 from drift_drake.common.updates import declare_output, declare_update
 
 BEYOND = tuple(name for name, effect in CATALOGUE.items() if name in OFF_THE_MOTION or "psi" in effect.needs)
-RATE_SHARE = 0.9  # of the steering's rate that is planned with
+IDENTIFIED_RATE_SHARE = 0.9  # of an identified limit of the rate that is planned with
 LAGGED = tuple(name for name, effect in CATALOGUE.items() if effect.delays == "delta_cmd")
 
 
@@ -36,7 +36,7 @@ def planned_with(effects: Effects) -> Effects:
     """
     motion = on_the_motion(effects)
     late = sum(getattr(effects, name) for name in LAGGED)
-    limit = RATE_SHARE * motion.steering_rate_limit
+    limit = IDENTIFIED_RATE_SHARE * motion.steering_rate_limit
     return motion._replace(steering_lag=motion.steering_lag + late, steering_rate_limit=limit)
 
 
@@ -83,10 +83,23 @@ class RememberingStepModel(StepModel, Protocol):
         return InternalStateObserver(self, period)
 
 
+def followed(
+    model: RememberingStepModel, state: Array, command: Array, before: Array, command_before: Array, period: float
+) -> Array:
+    """Internal states [m] under a command [2] in a measured state [4], run on from (x [n], command [2]) a period ago.
+
+    Settled where nothing is known of then. What no effect lags or relaxes follows the commands and the slips at once,
+    so that an effect may begin at any time.
+    """
+    settled = model.settled(state, command)
+    if not (np.isfinite(before).all() and np.isfinite(command_before).all()):
+        return settled
+    later = model.run_on(before, command_before, command, period)
+    return np.where(model.follows_at_once(), settled, later[6:])
+
+
 class InternalStateObserver(LeafSystem):
     """Runs a model's internal states along what is measured: they are stable, so that their initial error dies out.
-
-    What no effect lags or relaxes follows the commands and the slips at once, so that an effect may begin at any time.
 
     Input ports: measured_state [7]; command [2], in force; theta (optional), magnitudes in place of the model's own.
     Output port: internal states [m] (`effects.InternalStates`, or `double_track.motion.OwnStates`).
@@ -118,10 +131,7 @@ class InternalStateObserver(LeafSystem):
             model = model.with_theta(self._theta.Eval(context))
         if not np.isfinite(measured).all():  # no reading: go on from the last one
             measured = held[1:8]
-        internal = model.settled(measured[:4], command)
-        if not np.isnan(held[0]) and np.isfinite(held[7:-2]).all():
-            later = model.run_on(held[1:-2], held[-2:], command, self._period)
-            internal = np.where(model.follows_at_once(), internal, later[6:])
+        internal = followed(model, measured[:4], command, held[1:-2], held[-2:], self._period)
         return np.concatenate([[t], measured[:6], internal, command])
 
     def _update(self, context: Context, discrete: DiscreteValues) -> None:

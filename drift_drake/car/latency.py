@@ -6,7 +6,7 @@ import math
 import numpy as np
 from pydrake.systems.framework import Context, DiagramBuilder, DiscreteValues, LeafSystem, OutputPort
 
-from drift_drake.car.internal_states import RememberingStepModel
+from drift_drake.car.internal_states import RememberingStepModel, followed
 from drift_drake.car.single_track.path_plant import CurvedPath
 from drift_drake.common.arrays import Array
 from drift_drake.common.updates import declare_output, declare_update
@@ -51,11 +51,9 @@ class LatencyCompensation(LeafSystem):
         reading = self._measured.Eval(context)
         if not np.isfinite(reading).all():
             return np.concatenate([reading, command, np.full(self._model.internal_scale.size, np.nan)])
-        internal, last = self._model.settled(reading[:4], command), context.get_discrete_state(self._last).value()
-        if np.isfinite(last).all():
-            before = np.append(last[:6], last[9:])
-            later = self._model.run_on(before, last[7:9], command, self._period)
-            internal = np.where(self._model.follows_at_once(), internal, later[6:])
+        last = context.get_discrete_state(self._last).value()
+        before = np.append(last[:6], last[9:])
+        internal = followed(self._model, reading[:4], command, before, last[7:9], self._period)
         return np.concatenate([reading, command, internal])
 
     def _present(self, context: Context) -> Array:

@@ -15,6 +15,7 @@ from typing import Literal
 
 from diagrams.command import run_command
 from drift_drake.car.effects.magnitudes import Effects
+from drift_drake.car.log.cases import runs_of
 from drift_drake.car.log.table import Run, write_run
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.car.vehicle_file import write_vehicle
@@ -30,7 +31,6 @@ from drift_drake.drive.learnt.checkpoint import load_model, load_varied
 from drift_drake.drive.learnt.hybrid_step import load_hybrid
 from drift_drake.drive.loop.closed_loop import ClosedLoopRun, ControlConfig
 from drift_drake.gap.choose.choice import Choice, ask
-from drift_drake.gap.choose.identified import runs_of
 from drift_drake.gap.diagnosis.answers.apply import corrected_vehicle
 from drift_drake.gap.diagnosis.diagnose import diagnose
 from drift_drake.gap.identification.identify import identify

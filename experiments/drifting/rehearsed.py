@@ -16,6 +16,7 @@ from tqdm import tqdm
 
 from diagrams.command import run_command
 from drift_drake.car.effects.magnitudes import Effects
+from drift_drake.car.log.cases import runs_of
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.common.run_folder import is_done, write_json
 from drift_drake.drive.gathering.config import GatheringConfig
@@ -23,7 +24,7 @@ from drift_drake.drive.gathering.plan import Trajectory, plan_drive
 from drift_drake.drive.learnt.checkpoint import BayesianModel, load_model
 from drift_drake.drive.loop.closed_loop import ControlConfig
 from drift_drake.gap.choose.choice import ask
-from drift_drake.gap.choose.identified import IdentifiedCar, runs_of
+from drift_drake.gap.choose.identified import IdentifiedCar
 from drift_drake.gap.choose.rehearsal import HELD, rehearse
 from experiments.benchmarks.vehicles import draw_effects
 from experiments.drifting.runs import DriveJob, drive

@@ -13,6 +13,7 @@ import pandas as pd
 
 from drift_drake.car.double_track.car_file import double_track_from_dict
 from drift_drake.car.effects.magnitudes import Effects, make_effects
+from drift_drake.car.log.cases import runs_of
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.car.single_track.path_plant import PathPlant
 from drift_drake.car.vehicle_file import DOUBLE_TRACK
@@ -36,7 +37,7 @@ from drift_drake.drive.learnt.checkpoint import BayesianModel
 from drift_drake.drive.learnt.posterior import Posterior
 from drift_drake.drive.learnt.quality import squared_distances
 from drift_drake.gap.choose.choice import Findings, ask
-from drift_drake.gap.choose.identified import IdentifiedCar, runs_of
+from drift_drake.gap.choose.identified import IdentifiedCar
 from experiments.other_worlds.true_cars import TrueCar, true_plant
 
 Attempt = tuple[int, int]  # vehicle, noise seed

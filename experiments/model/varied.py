@@ -22,6 +22,7 @@ import pandas as pd
 
 from diagrams.command import run_command
 from drift_drake.car.effects.magnitudes import Effects
+from drift_drake.car.log.cases import runs_of
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.common.executors import run_jobs
 from drift_drake.common.run_folder import is_done, write_json
@@ -44,7 +45,7 @@ from drift_drake.drive.learnt.samples import (
     save_samples,
 )
 from drift_drake.drive.learnt.training_config import TrainingConfig
-from drift_drake.gap.choose.identified import IdentifiedCar, identified, runs_of
+from drift_drake.gap.choose.identified import IdentifiedCar, identified
 from experiments.benchmarks.vehicles import draw_effects
 from experiments.gathering.familiar import familiar_from
 from experiments.made import SpreadConfig

@@ -2,9 +2,12 @@
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
-from drift_drake.car.log.table import InvalidLogError, Run, read_case, run_paths, stated_noise
+from drift_drake.car.log.table import COLUMNS, InvalidLogError, Run, read_case, run_paths, stated_noise
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 Logs = str | Path | Run | Sequence[Run]  # a case folder's or a run's path, or runs
 
@@ -53,3 +56,11 @@ def logs_given(logs: Logs, case: str | None = None) -> GivenLogs:
     if not isinstance(runs, Sequence) or not runs or not all(isinstance(run, Run) for run in runs):
         raise InvalidLogError(f"logs: {type(logs).__name__} holds no runs; give a folder's or a file's path, or Run's")
     return GivenLogs(list(runs), case or "case", {})
+
+
+def runs_of(tables: Sequence["pd.DataFrame"], name: str = "drive") -> list[Run]:
+    """Simulated drives' logs as runs: drive_0, drive_1, ..."""
+    columns: list[dict[str, Any]] = [
+        {column: table[column].to_numpy(dtype=float) for column in COLUMNS if column in table} for table in tables
+    ]
+    return [Run(name=f"{name}_{k}", **found) for k, found in enumerate(columns)]

@@ -2,13 +2,13 @@
 
 import dataclasses
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
 
 from drift_drake.car.effects.magnitudes import Effects
-from drift_drake.car.log.table import COLUMNS, Run
+from drift_drake.car.log.cases import runs_of
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.car.single_track.effects_step import EffectsStepModel
 from drift_drake.car.single_track.path_plant import PathPlant
@@ -66,8 +66,8 @@ def check_steering(
     check = SteeringCheck(parameters)
     drive = Drive(parameters, check, 1, ROW_PERIOD, None, (0.0, 0.0), effects, lane(config), plant=plant)
     table, _ = drive.run(check.start(), 0.0, check.duration, seed, DriveLimits(min_speed=SLOWEST))
-    columns: dict[str, Any] = {name: table[name].to_numpy() for name in COLUMNS if name in table}
-    return steering_of(Run(name="the steering's check", **columns), parameters)
+    (run,) = runs_of([table], "steering_check")
+    return steering_of(run, parameters)
 
 
 def with_steering(

@@ -8,10 +8,9 @@ of `ONE_MORE` is then fitted with the others. And it may follow no single-track 
 import dataclasses
 import math
 from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-import pandas as pd
 
 from drift_drake.car.car_file import PlantParameters
 from drift_drake.car.double_track.nearest import nearest_double_track
@@ -24,7 +23,7 @@ from drift_drake.car.equations import folded_into
 from drift_drake.car.given_vehicle import single_track_of
 from drift_drake.car.internal_states import BEYOND, LAGGED
 from drift_drake.car.known_car import known_car_model
-from drift_drake.car.log.table import COLUMNS, InvalidLogError, Run
+from drift_drake.car.log.table import InvalidLogError, Run
 from drift_drake.car.parameters import CarParameters, InvalidVehicleError, VehicleParameters
 from drift_drake.car.sensor_errors import SENSORS
 from drift_drake.car.single_track.effects_step import EffectsStepModel
@@ -90,14 +89,6 @@ class IdentifiedCar(NamedTuple):
     def errors(self, judged: Sequence[WindowedRun]) -> Array:
         """Of its predictions of drives, from a smoothed measurement on [windows, HORIZONS, 5]."""
         return errors(judged, self.vehicle.constants(), self.effects)
-
-
-def runs_of(tables: Sequence[pd.DataFrame]) -> list[Run]:
-    """Drives' logs at 100 Hz as runs of the log format."""
-    columns: list[dict[str, Any]] = [
-        {name: table[name].to_numpy() for name in COLUMNS if name in table} for table in tables
-    ]
-    return [Run(name=f"drive_{k}", **found) for k, found in enumerate(columns)]
 
 
 def identified(

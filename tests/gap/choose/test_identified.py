@@ -7,6 +7,7 @@ import pytest
 from drift_drake.car.double_track.parameters import CARS, DoubleTrackParameters
 from drift_drake.car.double_track.step_model import DoubleTrackStepModel
 from drift_drake.car.effects.magnitudes import Effects, make_effects
+from drift_drake.car.log.cases import runs_of
 from drift_drake.car.log.table import InvalidLogError
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.car.sensor_errors import sensor_errors
@@ -18,7 +19,7 @@ from drift_drake.drive.learnt.checkpoint import BayesianModel
 from drift_drake.drive.mpc.plan import DT
 from drift_drake.gap.choose import choice as choice_module
 from drift_drake.gap.choose.choice import Choice, Findings, ask, car_error, doubts, usual_error
-from drift_drake.gap.choose.identified import ONE_MORE, IdentifiedCar, identified, identified_double_track, runs_of
+from drift_drake.gap.choose.identified import ONE_MORE, IdentifiedCar, identified, identified_double_track
 from drift_drake.gap.estimation.windows import forecast_error, windowed
 from drift_drake.gap.identification.estimate import effect_ranges
 from experiments.benchmarks.vehicles import draw_effects

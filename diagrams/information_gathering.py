@@ -41,7 +41,7 @@ def main(options: Options) -> None:
     options = options.resolved()
     model, config, parameters = load_model(options.checkpoint), options.gathering, VehicleParameters()
     effects = draw_effects(options.population, options.vehicle, 0)
-    if config.checks:
+    if config.checks and not options.graph:
         model, config = with_steering(model, config, check_steering(effects, parameters, config, options.seed))
     beliefs = {"prior": model.prior()}
     nominal = plan_drive(model, beliefs["prior"], config, 0.0)

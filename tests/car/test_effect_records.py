@@ -118,13 +118,13 @@ def test_a_vector_of_magnitudes_keeps_its_order():
     names = list(Effects._fields)
     assert names[: len(OWN)] == list(OWN)
     assert names[:2] == ["friction_level", "front_rear_friction_split"]
-    assert names[28:34] == ["steering_ratio_error", "gyro_gain_error", "speed_gain_error", "road_bank",
-                            "command_clock_error", "longitudinal_stiffness_error"]  # fmt: skip
+    assert names[28:35] == ["steering_ratio_error", "gyro_gain_error", "speed_gain_error", "road_bank",
+                            "command_clock_error", "longitudinal_stiffness_error", "power_limit"]  # fmt: skip
 
 
 def test_other_layers_find_by_the_records_what_they_look_for():
     assert set(fitted("alone")) == {"steering_delay", "tyre_thermal_fade", "steering_rate_limit", "sensor_latency",
-                                    "gyro_bias", "sideslip_bias"}  # fmt: skip
+                                    "gyro_bias", "sideslip_bias", "power_limit"}  # fmt: skip
     assert set(fitted("drives")) - set(fitted("further")) == {
         "rolling_resistance", "drivetrain_friction", "differential_yaw_moment"
     }  # fmt: skip

@@ -64,6 +64,27 @@ def test_drivetrain_friction():
     assert 12.0 - view.v == pytest.approx(2.0 * q / P.wheel_radius / ROLLING_MASS, rel=0.01)
 
 
+@pytest.mark.parametrize(("omega_r", "torque"), [(17.5, 400.0), (-17.5, -400.0)])
+def test_power_limit(omega_r, torque):
+    """Far above its limit the engine gives the torque that makes this power at the axle; below, all; it brakes as ever.
+
+    Forwards as in reverse.
+    """
+    state, forwards = (0.0, 0.9 * omega_r, 0.0, omega_r, 0.0, 0.0), math.copysign(1.0, omega_r)
+    asked = torque * P.gear_ratio * omega_r / P.wheel_radius * 1e-3  # [kW]
+    for share, least in ((0.25, 1e-5), (0.5, 1e-3), (1.0, 0.09)):
+        q = share * asked
+        limited, given = rates_of({"power_limit": q}, state, (0.0, torque)).omega_r, share * torque
+        full = rates_of({}, state, (0.0, given)).omega_r
+        drive = P.gear_ratio * abs(given) / P.rear_axle_inertia * P.wheel_radius  # of the rate, by this torque alone
+        assert 0.0 <= (full - limited) * forwards <= least * drive
+    whole, loose = rates_of({}, state, (0.0, torque)), rates_of({"power_limit": 3.0 * asked}, state, (0.0, torque))
+    assert loose.omega_r == pytest.approx(whole.omega_r, rel=1e-4)
+    for braking in (-0.1 * torque, 0.0):
+        limited = rates_of({"power_limit": 0.1 * asked}, state, (0.0, braking)).omega_r
+        assert limited == rates_of({}, state, (0.0, braking)).omega_r
+
+
 def test_aero_drag():
     """Coasting, 1/v grows by q / m each second; in a drift the force opposes the course, not the body."""
     q = 2.0

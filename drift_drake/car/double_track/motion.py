@@ -23,7 +23,7 @@ from drift_drake.car.effects.magnitudes import (
 from drift_drake.car.parameters import InvalidVehicleError
 from drift_drake.car.scalar import absolute, clip, cos, forwards, jitable, loaded_tuple, maximum, select, sin, tanh
 from drift_drake.car.single_track.motion import MIN_SLIP_SPEED, Motion, planar_motion, wheel_acceleration
-from drift_drake.car.single_track.motion_with_effects import axle_friction, road_wheel, steering_rate
+from drift_drake.car.single_track.motion_with_effects import axle_torque, road_wheel, steering_rate
 
 LEAST_LOAD_SHARE = 0.02  # of an axle's load that its unloaded wheel keeps, and of the weight that an axle keeps
 NOT_OF_THIS_CAR = (*(n for n, e in CATALOGUE.items() if e.double_track == "nothing"), *INSTALLED_STATES)
@@ -229,9 +229,9 @@ def ground_wrench(forces: WheelForces, left: Any, right: Any, p: DoubleTrackCons
 
 
 @jitable
-def locking_torque(axle_torque: Any, rim_difference: Any, p: DoubleTrackConstants) -> Any:
+def locking_torque(driving: Any, rim_difference: Any, p: DoubleTrackConstants) -> Any:
     """Torque [N m] that the slower rear wheel has over the faster one by a limited-slip differential's plates."""
-    most = p.differential_preload + p.differential_share * absolute(axle_torque)
+    most = p.differential_preload + p.differential_share * absolute(driving)
     return most * tanh(rim_difference / LOCKING_SPEED)
 
 
@@ -280,11 +280,11 @@ def double_track_motion(r: Any, v: Any, beta: Any, omega_r: Any, psi: Any, own: 
     a_x, a_y = (f_x + force_x) / p.mass, (f_y + force_y) / p.mass
     v_dot, beta_dot = planar_motion(r, v, beta, a_x, a_y)
 
-    axle_torque = p.gear_ratio * torque - axle_friction(omega_r, q)
+    driving = axle_torque(torque, omega_r, p.gear_ratio, p.wheel_radius, q)
     left_x, right_x = forces.rear_left_x, forces.rear_right_x
-    omega_r_dot = wheel_acceleration(axle_torque, left_x + right_x, p.wheel_radius, p.rear_axle_inertia)
+    omega_r_dot = wheel_acceleration(driving, left_x + right_x, p.wheel_radius, p.rear_axle_inertia)
     # The engine turns with the mean of the rear wheels: their difference moves the wheels alone.
-    locking = locking_torque(axle_torque, own.rim_difference, p)
+    locking = locking_torque(driving, own.rim_difference, p)
     difference_rate = ((left_x - right_x) * p.wheel_radius - locking) * p.wheel_radius / p.wheel_inertia
     front, rear = p.front_tire.lateral_relaxation, p.rear_tire.lateral_relaxation
     drive = p.rear_tire.longitudinal_relaxation

@@ -6,6 +6,7 @@ from drift_drake.car.actuated import STAGES, actuated, without_actuators
 from drift_drake.car.effects.magnitudes import NO_INTERNAL_STATES, Effects, actuation_of, with_forces
 from drift_drake.car.foreign.simulator import FORCES, STEERING, TORQUE, SimulatorConstants
 from drift_drake.car.road import NO_WRENCH, on_road, with_bank
+from drift_drake.car.single_track.motion_with_effects import axle_torque
 from drift_drake.common.arrays import Array
 
 
@@ -28,10 +29,9 @@ def inputs_along(
     delta, torque = (between(grid, STAGES * fine) for grid in (delta, torque))
     along = between(motion, fine)
     rest, banked = on_road(bank, constants.mass, constants.gravity, without_actuators(effects))
-    lost = rest.drivetrain_friction * np.tanh(along[:, 3]) / constants.about.gear_ratio
-    delta, torque = actuation_of(
-        delta + rest.steering_offset, torque * constants.torque_gain - lost, along[:, 1], rest, NO_INTERNAL_STATES
-    )
+    gear, radius = constants.about.gear_ratio, constants.about.wheel_radius
+    torque = axle_torque(torque * constants.torque_gain, along[:, 3], gear, radius, rest) / gear
+    delta, torque = actuation_of(delta + rest.steering_offset, torque, along[:, 1], rest, NO_INTERNAL_STATES)
     si = {STEERING: delta, TORQUE: torque, "measured_speed": along[:, 1], "measured_yaw_rate": along[:, 0]}
     own = with_forces(*(along[:, i] for i in range(5)), constants.about, rest, NO_INTERNAL_STATES, (0.0, 0.0, 0.0))
     further = with_bank(wrench, banked)

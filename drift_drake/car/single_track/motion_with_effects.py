@@ -29,6 +29,7 @@ from drift_drake.car.scalar import (
     norm2,
     select,
     sin,
+    sqrt,
     switched,
     tanh,
 )
@@ -49,6 +50,7 @@ HEAT_UNIT = 1e5  # [J] of friction work that make one unit of heat
 COOLING_TIME = 12.0  # [s]
 LOAD_FILTER_TIME = 0.05  # [s] of the accelerations that shift load
 MIN_AXLE_LOAD, MIN_LOAD_SHARE = 200.0, 0.1  # [N], but of a car too light for that a share of the static load
+WATT, LEAST_POWER = 1e3, 1e-6  # [W/kW]; [kW] below which no engine's power is
 RATE_LIMIT_TIME = 0.002  # [s] in which a rate-limited wheel settles on a command that it can follow
 
 
@@ -122,6 +124,23 @@ def axle_friction(omega_r: Any, q: Effects) -> Any:
 
 
 @jitable
+def power_lacking(demand: Any) -> Any:
+    """Share of the power asked for that an engine does not give; demand: over its limit [-]. A limit is sharp."""
+    square = maximum(demand, 0.0) * maximum(demand, 0.0)
+    fourth = square * square
+    return 1.0 - 1.0 / sqrt(sqrt(sqrt(1.0 + fourth * fourth)))
+
+
+@jitable
+def axle_torque(tau: Any, omega_r: Any, gear_ratio: Any, wheel_radius: Any, q: Effects) -> Any:
+    """Torque [N m] at the rear axle of an engine's [N m], within its power, less friction."""
+    torque = gear_ratio * tau
+    demand = torque * omega_r / (wheel_radius * WATT * maximum(q.power_limit, LEAST_POWER))
+    lacking = switched(select(0.0, q.power_limit, 1.0, 0.0), power_lacking, demand)
+    return torque * (1.0 - lacking) - axle_friction(omega_r, q)
+
+
+@jitable
 def motion_with_effects(r: Any, v: Any, beta: Any, omega_r: Any, psi: Any, internal: InternalStates, delta: Any,
                         tau: Any, nominal: Constants, q: Effects, force_x: Any = 0.0, force_y: Any = 0.0,
                         moment: Any = 0.0,
@@ -164,8 +183,8 @@ def motion_with_effects(r: Any, v: Any, beta: Any, omega_r: Any, psi: Any, inter
 
     a_x, a_y = f_x / p.mass, f_y / p.mass
     v_dot, beta_dot = planar_motion(r, v, beta, a_x, a_y)
-    axle_torque = p.gear_ratio * torque - axle_friction(omega_r, q)
-    omega_r_dot = wheel_acceleration(axle_torque, f_xr + f_xf, p.wheel_radius, p.rear_axle_inertia)
+    driving = axle_torque(torque, omega_r, p.gear_ratio, p.wheel_radius, q)
+    omega_r_dot = wheel_acceleration(driving, f_xr + f_xf, p.wheel_radius, p.rear_axle_inertia)
 
     rates = (
         select(0.0, lagged_steering, steering_rate(internal.steering, delta, q), 0.0 * delta),

@@ -269,3 +269,14 @@ def test_arrays_give_what_numbers_give():
 
 def test_states_are_named():
     assert len(LOG_STATES) == 7 + len(OwnStates._fields) == len(driven(CAR, 10.0, 0.0, 0.1)[0])
+
+
+def test_the_engines_power_limits_what_both_rear_wheels_and_the_differential_get():
+    p, state = CAR.constants(), (0.6, 12.0, -0.5, 17.0)
+    power = 60.0  # [kW]
+    given = 1e3 * power * p.wheel_radius / (p.gear_ratio * state[3])
+    own = settled_states(*state, -0.3, given, p, NONE)._replace(rim_difference=1.0)
+    limited, rates = double_track_motion(*state, 0.2, own, -0.3, 5.0 * given, p, Effects(power_limit=power))
+    whole, of_whole = double_track_motion(*state, 0.2, own, -0.3, given, p, NONE)
+    np.testing.assert_allclose(limited, whole, rtol=1e-5)
+    np.testing.assert_allclose(rates, of_whole, rtol=1e-5, atol=1e-9)

@@ -1,6 +1,6 @@
 """Effects of the actuators and of the drivetrain, and times of the commands."""
 
-from drift_drake.car.effects.manoeuvres import CIRCLES, COASTING, SPINNING, SWEEPS, THROTTLE
+from drift_drake.car.effects.manoeuvres import CIRCLES, COASTING, FULL_THROTTLE, SPINNING, SWEEPS, THROTTLE
 from drift_drake.car.effects.record import Command, Effect, ParameterChange, normal, uniform
 
 STEERING: tuple[Command, ...] = ("delta_cmd",)
@@ -37,6 +37,10 @@ ACTUATORS: dict[str, Effect] = {
         shown_by=THROTTLE, resists=True, fitted=("drives", "double_track"),
         drawn_out_of_distribution=uniform(40.0, 150.0), by_torque=True,
         distinguished_from={"rolling_resistance": SPINNING, "aero_drag": COASTING}),
+    "power_limit": Effect(
+        "kW", 50.0, 250.0, "the engine's power at the rear axle is at most q", needs=(*TORQUE, "omega_r"), spread=True,
+        mass=1.0, length=0.5, daily=0.5, shown_by=FULL_THROTTLE, limit=True, possible=(1e-4, 1e5), fitted=("alone",),
+        by_torque=True, distinguished_from={"torque_gain_error": FULL_THROTTLE}, since=6),
     "steering_ratio_error": Effect(
         "-", -0.3, 0.3, "commanded road-wheel angle times (1 + q)", stage="actuator", daily=0.2, shown_by=CIRCLES,
         factor=True, watched=True, since=2),

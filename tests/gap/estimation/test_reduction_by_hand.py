@@ -1,6 +1,7 @@
 """Shares of a gap that are removed, of made-up errors: sums, horizons, folds, and the bootstrap's interval."""
 
 import dataclasses
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,9 +13,11 @@ from drift_drake.gap.estimation.reduction import (
     HORIZONS,
     JUDGED,
     NOTHING_REMOVED,
+    WORST,
     at_judged,
     fold_of,
     folds,
+    held_out_errors,
     mean_squares,
     measured_fold,
     prediction_squares,
@@ -25,6 +28,7 @@ from drift_drake.gap.estimation.reduction import (
     share_removed,
     start_rows,
     with_folds,
+    without_effects,
 )
 from drift_drake.gap.estimation.regression import Responses, equations
 from drift_drake.gap.estimation.run_data import RunData
@@ -186,3 +190,58 @@ def test_restarts_are_drawn_in_seconds_of_their_run(monkeypatch: pytest.MonkeyPa
     np.testing.assert_array_equal(block, np.repeat([0, 1, 2, 3], [10, 10, 5, 10]))
     assert [len(part) for part in of] == [35, 35, 35]
     assert (states, ahead[judged]) == (STATES, "0.5 s")
+
+
+class Fitted:
+    """Of the made-up problem; its derivatives know which of their rows are kept."""
+
+    names, theta, exactness = ("aero_drag",), np.array([0.1, 0.2, 0.3]), 0.5
+
+    def __init__(self, kept: list[np.ndarray] | None = None) -> None:
+        self.kept = kept
+
+    def rows(self, kept: list[np.ndarray]) -> "Fitted":
+        return Fitted(kept)
+
+
+def test_a_fold_is_fitted_without_its_rows_and_predicted_by_that_fit(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The fits' parameters are numbered by the fold, and the errors of predictions are those numbers."""
+    problem, fits = Made(), []
+    problem.replace = lambda **changes: SimpleNamespace(**{"runs": problem.runs, "replace": problem.replace} | changes)
+
+    def fit(held: SimpleNamespace, names, theta, iterations: int, jacobian: Fitted) -> SimpleNamespace:
+        fits.append(held.runs)
+        assert (names, iterations) == (Fitted.names, 3)
+        for run, whole, kept in zip(held.runs, problem.runs, jacobian.kept, strict=True):
+            np.testing.assert_array_equal(kept, measured_fold(whole) != len(fits) - 1)
+            np.testing.assert_array_equal(run.counted, whole.counted & (fold_of(whole) != len(fits) - 1))
+        return SimpleNamespace(theta=np.append(theta[:2], len(fits) - 1.0))
+
+    def errors(_problem, theta: np.ndarray, names, starts: list[np.ndarray]) -> list[np.ndarray]:
+        assert names == Fitted.names
+        return [np.full((len(rows), 4, 4), theta[2]) for rows in starts]
+
+    monkeypatch.setattr(reductions, "filter_case", lambda *_: None)
+    monkeypatch.setattr(reductions, "sensitivity", lambda *_: Fitted())
+    monkeypatch.setattr(reductions, "minimise", fit)
+    monkeypatch.setattr(reductions, "errors_of", errors)
+    found = held_out_errors(problem, Fitted())
+    assert len(fits) == FOLDS
+    for run, of_run in zip(problem.runs, found, strict=True):
+        wanted = np.broadcast_to(fold_of(run)[start_rows(run)][:, None, None], of_run.shape)
+        np.testing.assert_array_equal(of_run, wanted)
+
+
+def test_errors_are_those_of_all_starts_and_none_is_worse_than_lost(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Under the nominal car: no deviations, or those that were found with the effects."""
+    problem, asked = Made(), []
+    monkeypatch.setattr(reductions, "with_more_process_noise", lambda given: given)
+    monkeypatch.setattr(reductions, "filter_case", lambda _, theta, names: asked.append((list(theta), names)))
+    monkeypatch.setattr(
+        reductions, "prediction_squares", lambda *given: np.array([1.0, np.inf, np.nan, len(given[-1])])
+    )
+    for fitted, theta in ((None, [0.0, 0.0]), (Fitted(), [0.1, 0.2])):
+        found = without_effects(problem, fitted)
+        assert asked.pop() == (theta, ())
+        for run, of_run in zip(problem.runs, found, strict=True):
+            np.testing.assert_array_equal(of_run, [1.0, WORST, np.nan, len(start_rows(run))])

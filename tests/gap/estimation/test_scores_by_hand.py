@@ -1,13 +1,17 @@
 """Scores of made-up windows: blocks and stretches of time, clipping, information, and how recordings differ."""
 
 import dataclasses
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from drift_drake.car.double_track.parameters import CARS
 from drift_drake.car.effects.catalogue import CATALOGUE
 from drift_drake.car.effects.magnitudes import Effects
+from drift_drake.car.equations import kind_of
 from drift_drake.car.parameters import VehicleParameters
+from drift_drake.gap.estimation import scores
 from drift_drake.gap.estimation.scores import (
     ALIKE,
     BEYOND,
@@ -22,6 +26,7 @@ from drift_drake.gap.estimation.scores import (
     drive_coverage,
     familiarity,
     flat_scores,
+    make_day,
     pulls,
     scaled,
     scores_by_recording,
@@ -133,7 +138,7 @@ def test_clipped_errors_hold_information_by_their_weight(day: Day) -> None:
 
 
 def test_a_window_beyond_what_is_known_counts_half_at_its_measure() -> None:
-    covered = np.array([10.0, 5.0, 0.1, 1.0])
+    covered = np.array([10.0, 5.0, 0.3, 1.0])
     for beyond, weight in ((-0.5, 1.0), (0.0, 1.0), (BEYOND, 0.5), (2.0 * BEYOND, 0.2)):
         runs = [windowed_run([0, 50], speed=10.0 * (1.0 + beyond))]
         np.testing.assert_allclose(familiarity(runs, covered), weight, rtol=1e-9)
@@ -141,7 +146,43 @@ def test_a_window_beyond_what_is_known_counts_half_at_its_measure() -> None:
 
 def test_a_calibration_covers_all_but_its_hardest_windows() -> None:
     runs = [windowed_run([0], speed=float(speed)) for speed in range(101)]
-    assert drive_coverage(runs)[:2] == pytest.approx([98.0, 49.0])
+    covered = drive_coverage(runs)
+    assert covered[:2] == pytest.approx([98.0, 49.0])
+    assert covered[2] > 1.2 * 0.1  # a changed car slides more on the same drive
+
+
+def test_a_days_derivatives_are_by_effects_their_parts_and_the_kinds_deviations(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Errors that each car is off by as much as its effects say; a double-track car has deviations of its own."""
+    runs, car = [windowed_run([0, 200]), windowed_run([100])], CARS["coupe"].constants()
+    names, steps, off = ("mass_error", "aero_drag"), np.array([0.1, 0.5]), np.arange(30.0).reshape(3, 2, 5)
+    kinds = len(kind_of(car).DEVIATIONS)
+
+    def errors_of(_runs, constants, effects: Effects) -> np.ndarray:
+        return off + 10.0 * effects.mass_error + effects.aero_drag + (0.25 if constants != car else 0.0)
+
+    monkeypatch.setattr(scores, "errors", errors_of)
+    monkeypatch.setattr(scores, "errors_of_all", lambda runs, cars, _: [errors_of(runs, *one) for one in cars])
+    monkeypatch.setattr(scores, "free_columns", lambda *_: {})
+    monkeypatch.setattr(scores, "partial_columns", lambda jacobian, *_: ([], 7.0 * jacobian[..., :1]))
+    monkeypatch.setattr(scores, "familiarity", lambda *_: np.full(3, 0.5))
+    normal = SimpleNamespace(scales=np.full((2, 5), 2.0), standard="standard", kind_units=3.0, covered=None)
+    day = make_day(runs, car, Effects(), names, steps, normal)
+    np.testing.assert_array_equal(day.errors, off)
+    columns = [0.5, 0.25, 3.5, *[3.0 * 0.125] * kinds]
+    np.testing.assert_allclose(day.jacobian, np.tile(columns, (3, 10, 1)), rtol=1e-12)
+    np.testing.assert_array_equal(day.kind_units, [3.0] * kinds)
+    np.testing.assert_array_equal(day.run, [0, 0, 1])
+    np.testing.assert_array_equal(day.block, [0, 1, 2])
+    np.testing.assert_array_equal(day.weights, 0.5)
+    known = np.full((3, 10, 4), 9.0)
+    given = make_day(runs, car, Effects(), names, steps, normal, of_kind=known)
+    np.testing.assert_array_equal(given.jacobian[..., 3:], known)
+    monkeypatch.setattr(scores, "standards", lambda _: "own")
+    first = make_day(runs, car, Effects(), names, steps)
+    assert first.standard == "own"
+    np.testing.assert_array_equal(first.weights, 1.0)
 
 
 def test_values_add_up_by_group() -> None:
@@ -153,8 +194,8 @@ def test_recordings_of_a_mean_ask_for_their_own_and_scatter_by_their_variance() 
     """K recordings of n readings each of one vector: the estimate is the mean, of which one shifts it by a K-th."""
     own = np.random.default_rng(1).normal(size=(5, 2))
     n, estimate = 7.0, own.mean(axis=0)
-    scores, covariance = n * (estimate - own), np.eye(2) / (5 * n)
-    found = pulls(scores, np.full(5, n), covariance)
+    slopes, covariance = n * (estimate - own), np.eye(2) / (5 * n)
+    found = pulls(slopes, np.full(5, n), covariance)
     np.testing.assert_allclose(found, (own - estimate) / 5, rtol=1e-12)
     np.testing.assert_allclose(spread(found), np.cov(own.T), rtol=1e-12)
     np.testing.assert_allclose(spread(found[:1]), found[:1].T @ found[:1])

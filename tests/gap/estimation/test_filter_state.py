@@ -147,7 +147,7 @@ def test_a_transition_is_the_exponential_of_the_derivatives_to_fourth_order(
         jacobian[:, 5:] = 0.0
     jacobian[3, 3] = -fastest
     f, power, scratch = (np.full((CORRECTED, CORRECTED), np.nan) for _ in range(3))
-    transition(jacobian, period, n, f, power, scratch, 0.0)
+    transition(jacobian, period, n, f, power, scratch, 0.3)
     step = jacobian[:n, :n] * period / 2**halvings
     part = sum(np.linalg.matrix_power(step, k) / math.factorial(k) for k in range(5))
     np.testing.assert_allclose(f[:n, :n], np.linalg.matrix_power(part, 2**halvings), rtol=1e-9, atol=1e-12)

@@ -92,6 +92,17 @@ def test_derivatives_are_used_again_near_where_they_are_of() -> None:
     assert once.predictions < often.predictions
 
 
+def test_a_fit_ends_with_the_step_that_gains_nothing_worth_another() -> None:
+    """Near the minimum: scales, where it starts, two derivatives, one step."""
+    toy = Toy()
+    found = robust_fit(toy, unknowns(), EVIDENCE)
+    deviation = np.sqrt(np.diag(np.linalg.inv(EVIDENCE * found.information + np.diag(PRIOR**-2))))
+    toy.predictions = 0
+    again = robust_fit(toy, unknowns(), EVIDENCE, found.theta + 0.03 * deviation, widths=WIDTHS[-1:])
+    assert toy.predictions == 5
+    assert np.all(np.abs(again.theta - found.theta) < 0.03 * deviation)
+
+
 def test_a_start_of_ones_own_is_kept_as_it_is() -> None:
     start = TRUE.copy()
     found = robust_fit(Toy(), unknowns(), EVIDENCE, start, widths=WIDTHS[-1:])

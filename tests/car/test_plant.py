@@ -95,6 +95,25 @@ def test_compiled_derivatives_are_the_plain_ones(wrench):
         np.testing.assert_allclose(acceleration, body, rtol=1e-10)
 
 
+@pytest.mark.parametrize("rates", [nominal_rates, lambda *given: changed_rates(*given, Effects(steering_lag=0.1))])
+def test_a_disturbance_moves_the_car_as_newton_and_euler_say(rates):
+    """Forces over mass, the moment over the yaw inertia, and nothing else changes at once."""
+    x = np.array([*STATE, 10.0, 0.0, 0.0, 0.2, *np.zeros(8)])
+    force_x, force_y, moment = 500.0, -300.0, 800.0
+    p, beta = PARAMETERS.constants(), STATE[2]
+    before, after = (
+        np.array(rates(x, ACTUATION, wrench, 0.03, p)) for wrench in (np.zeros(3), (force_x, force_y, moment))
+    )
+    along, across = force_x * np.cos(beta) + force_y * np.sin(beta), force_y * np.cos(beta) - force_x * np.sin(beta)
+    turn = across / (p.mass * STATE[1])
+    wanted = np.zeros(len(before))
+    wanted[[0, 1, 2, 5]] = moment / p.yaw_inertia, along / p.mass, turn, turn
+    wanted[-2:] = force_x / p.mass, force_y / p.mass
+    if len(wanted) > 12:
+        wanted[16:18] = after[16:18] - before[16:18]  # the filtered accelerations, of which other tests tell
+    np.testing.assert_allclose(after - before, wanted, atol=1e-9)
+
+
 def test_curvature_port_goes_before_the_path():
     plant = VehiclePlant(PARAMETERS, path=s_bend())
     context = prepared(plant, s=50.0)

@@ -111,19 +111,19 @@ def wheel_loads(p: DoubleTrackConstants, roll: Any, roll_rate: Any, a_x: Any, a_
 class OwnStates(NamedTuple):
     """States beyond the single-track car's; as a value or as a time derivative."""
 
-    steering: Any = 0.0  # [rad] road-wheel angle before offset and compliance
-    torque: Any = 0.0  # [N m] engine
-    rim_difference: Any = 0.0  # [m/s] rear right minus rear left rim speed
-    roll: Any = 0.0  # [rad] right side down
-    roll_rate: Any = 0.0  # [rad/s]
-    a_x: Any = 0.0  # [m/s^2] ground force over mass, as it has reached the wheel loads
-    a_y: Any = 0.0  # [m/s^2]
-    front_left_slip: Any = 0.0  # [-] lateral slip that makes the force
-    front_right_slip: Any = 0.0  # [-]
-    rear_left_slip: Any = 0.0  # [-]
-    rear_right_slip: Any = 0.0  # [-]
-    rear_left_drive_slip: Any = 0.0  # [-] longitudinal slip that makes the force
-    rear_right_drive_slip: Any = 0.0  # [-]
+    steering: Any  # [rad] road-wheel angle before offset and compliance
+    torque: Any  # [N m] engine
+    rim_difference: Any  # [m/s] rear right minus rear left rim speed
+    roll: Any  # [rad] right side down
+    roll_rate: Any  # [rad/s]
+    a_x: Any  # [m/s^2] ground force over mass, as it has reached the wheel loads
+    a_y: Any  # [m/s^2]
+    front_left_slip: Any  # [-] lateral slip that makes the force
+    front_right_slip: Any  # [-]
+    rear_left_slip: Any  # [-]
+    rear_right_slip: Any  # [-]
+    rear_left_drive_slip: Any  # [-] longitudinal slip that makes the force
+    rear_right_drive_slip: Any  # [-]
 
 
 OWN = len(OwnStates._fields)

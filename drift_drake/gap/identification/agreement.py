@@ -29,7 +29,7 @@ class Agreement:
     """Of the estimates [n]."""
 
     apart: np.ndarray  # [n] variance of what single recordings ask for
-    disagreed: np.ndarray  # [n] bool: it is more than chance, and more than what the logs leave open otherwise
+    disagreed: np.ndarray  # [n] bool: it is more than chance, and so more than what the logs leave open otherwise
     furthest: np.ndarray  # [n] index of the recording that pulls the most
 
 
@@ -48,7 +48,7 @@ def agreement(pulled: np.ndarray, left: np.ndarray) -> Agreement:
         return Agreement(apart, np.zeros(len(left), dtype=bool), np.zeros(len(left), dtype=int))
     chance = left * count / CALIBRATED  # of one recording, from the scatter of its blocks
     factor = float(chi2.ppf(1.0 - BY_CHANCE, count - 1)) / (count - 1)
-    return Agreement(apart, (apart > factor * chance) & (apart > left), np.argmax(np.abs(pulled), axis=0))
+    return Agreement(apart, apart > factor * chance, np.argmax(np.abs(pulled), axis=0))
 
 
 def odd_parts(day: Day, asked: Sequence[DayRanked]) -> dict[str, str]:

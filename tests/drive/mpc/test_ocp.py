@@ -8,7 +8,8 @@ from pydrake.solvers import SnoptSolver, Solve
 
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.car.step_model import INPUT_SCALE, STATE_SCALE, NominalStepModel
-from drift_drake.drive.mpc.ocp import OptimalControlProblem, ocp
+from drift_drake.drive.mpc.ocp import OcpWeights, OptimalControlProblem, ocp
+from drift_drake.drive.reference.similarity import Similarity
 from drift_drake.drive.reference.trajectory import Reference
 
 PARAMETERS = VehicleParameters()
@@ -73,6 +74,43 @@ def test_constraints_are_the_papers(problem: OptimalControlProblem, references: 
     np.testing.assert_allclose(slack, np.maximum(x[1:, 4] - 0.1, 0.0), atol=1e-6)
     assert slack.max() > 0.05
     assert slack[-1] < 1e-6
+
+
+def test_every_row_is_what_it_says(problem: OptimalControlProblem, references: dict[str, Reference]) -> None:
+    """At any point: e and the slack on both sides of the lane, inputs and slacks within their own limits."""
+    data = ocp_data(references["figure_8"], 30.0, HORIZON)
+    problem.set(data)
+    z = problem.first_guess(data) + np.random.default_rng(6).normal(size=problem.size)
+    x, u, slack = problem.unstack(z)
+    found = {}
+    for binding in (*problem.linear_constraints(), *problem.bounding_box_constraints()):
+        constraint = binding.evaluator()
+        found[constraint.get_description()] = (
+            problem.EvalBinding(binding, z), constraint.lower_bound(), constraint.upper_bound()
+        )  # fmt: skip
+    value, low, high = found["lane, softened"]
+    np.testing.assert_allclose(value, [*(x[1:, 4] + slack), *(x[1:, 4] - slack)], rtol=1e-12)
+    np.testing.assert_array_equal(low, [*data.e_min[1:], *np.full(HORIZON, -np.inf)])
+    np.testing.assert_array_equal(high, [*np.full(HORIZON, np.inf), *data.e_max[1:]])
+    value, low, high = found["limits of steering and torque"]
+    np.testing.assert_allclose(value, (u[1:] / INPUT_SCALE).ravel(), rtol=1e-12)
+    p = PARAMETERS
+    np.testing.assert_allclose(low, np.tile([-p.steering_limit / 0.3, p.torque_min / 100.0], HORIZON))
+    np.testing.assert_allclose(high, np.tile([p.steering_limit / 0.3, p.torque_max / 100.0], HORIZON))
+    value, low, high = found["no negative slack"]
+    np.testing.assert_array_equal([*value, *low, *high], [*slack, *np.zeros(HORIZON), *np.full(HORIZON, np.inf)])
+    assert len(found) == 5
+
+
+def test_a_car_twice_as_large_has_the_same_cost_in_its_own_units() -> None:
+    units, rng = Similarity(2.0, 1.5, 3.0), np.random.default_rng(8)
+    sizes = np.array([1.0 / units.time, units.speed, 1.0, units.speed, units.length, 1.0])
+    one = OcpWeights(*rng.uniform(0.5, 2.0, 9))
+    other = one.of_size(units)
+    x, change = rng.normal(size=6), rng.normal(size=2)
+    assert other.state() * (x * sizes) ** 2 == pytest.approx(one.state() * x**2)
+    assert other.input() * (change * [1.0, units.torque]) ** 2 == pytest.approx(one.input() * change**2)
+    assert other.lane_penalty * 0.3 * units.length == pytest.approx(one.lane_penalty * 0.3)
 
 
 def test_dynamics_on_autodiff(problem: OptimalControlProblem, references: dict[str, Reference]) -> None:

@@ -52,6 +52,32 @@ def test_the_last_gain_is_one_step_of_least_squares() -> None:
     np.testing.assert_allclose(gain @ error, least, rtol=1e-9, atol=1e-12)
 
 
+def test_the_first_gain_is_the_best_of_all_corrections_along_a_changing_plan() -> None:
+    """Least squares over all corrections at once, about a plan whose commands differ from knot to knot."""
+    steps, model, rng = 3, NominalStepModel(PARAMETERS), np.random.default_rng(2)
+    x, _ = trajectory(steps)
+    x = x + rng.normal(size=x.shape) * [0.2, 0.5, 0.05, 0.5, 0.3, 0.05]
+    u = rng.normal(size=(steps + 1, 2)) * [0.2, 80.0]
+    curvature, scale = rng.normal(size=steps) * 0.02, np.array([1e-5] * 6 + [1e-5, 1e-2])
+    q, r = np.sqrt(STATE_WEIGHT), np.sqrt(INPUT_WEIGHT)
+    # d_k = start_k d_0 + by_k (du_0, du_1, ...), each correction held over its step, by differences of the car's step.
+    start, by, rows, right = np.eye(6), np.zeros((6, 2 * steps)), [], []
+
+    def moved(k: int, shift: np.ndarray) -> np.ndarray:
+        state, held = x[k] + shift[:6], shift[6:]
+        return model.step(state[None], u[k : k + 1] + held, u[k + 1 : k + 2] + held, curvature[k : k + 1])[0]
+
+    for k in range(steps):
+        a_b = np.stack([(moved(k, d) - moved(k, -d)) / (2.0 * d.sum()) for d in np.diag(scale)], axis=1)
+        start, by = a_b[:, :6] @ start, a_b[:, :6] @ by
+        by[:, 2 * k : 2 * k + 2] += a_b[:, 6:]
+        rows.append(q[:, None] * by)
+        right.append(-q[:, None] * start)
+    whole = np.vstack([*rows, np.kron(np.eye(steps), np.diag(r))])
+    best = np.linalg.lstsq(whole, np.vstack([*right, np.zeros((2 * steps, 6))]), rcond=None)[0]
+    np.testing.assert_allclose(tracking_gains(model, x, u, curvature)[0], best[:2], rtol=1e-5, atol=1e-5)
+
+
 def test_further_states_have_no_weight_but_their_feedback() -> None:
     """Two more states: where they move nothing the gains know only the six, where they move the car they count."""
     rng = np.random.default_rng(1)
@@ -87,6 +113,37 @@ def test_ports_and_values() -> None:
     np.testing.assert_allclose(between[1:3], 0.5 * (u[1] + u[2]) + correction, atol=1e-12)
     np.testing.assert_allclose(between[3:], 0.5 * (u[2] + u[3]) + correction, atol=1e-12)
     np.testing.assert_allclose(plan(0.9, x[3])[1:], [*u[3], *u[3]], atol=1e-12)
+
+
+def test_what_the_actuators_have_made_of_commands_follows_by_their_lags_and_the_rate_limit() -> None:
+    """Under a constant command the rest falls off exponentially, the steering's no faster than its limit."""
+    lag, rate, n = np.array([0.08, 0.25]), 0.5, 12
+    x, u, gains = np.zeros((3, 8)), np.tile([0.4, 90.0], (3, 1)), np.zeros((2, 2, 8))
+    for limit in (np.inf, rate):
+        system = TrackingController(x, u, gains, lag, limit)
+        context = system.CreateDefaultContext()
+        system.get_input_port().FixValue(context, np.zeros(7))
+        np.testing.assert_array_equal(context.get_discrete_state(0).value(), u[0])
+        context.get_mutable_discrete_state(0).SetFromVector([0.0, 0.0])
+        for _ in range(n):
+            system.CalcForcedDiscreteVariableUpdate(context, context.get_mutable_discrete_state())
+        steering, torque = context.get_discrete_state(0).value()
+        assert torque == pytest.approx(90.0 * (1.0 - np.exp(-0.01 * n / 0.25)))
+        assert steering == pytest.approx(0.01 * n * rate if limit == rate else 0.4 * (1.0 - np.exp(-0.01 * n / 0.08)))
+
+
+def test_what_the_actuators_have_made_of_commands_is_fed_back() -> None:
+    rng = np.random.default_rng(1)
+    x, u, gains = rng.normal(size=(4, 8)), rng.normal(size=(4, 2)), rng.normal(size=(3, 2, 8))
+    system = TrackingController(x, u, gains, np.array([0.1, 0.2]), 0.6)
+    context = system.CreateDefaultContext()
+    context.SetTime(0.1)
+    state, actual = rng.normal(size=6), rng.normal(size=2)
+    system.get_input_port().FixValue(context, np.append(state, 3.0))
+    context.get_mutable_discrete_state(0).SetFromVector(actual)
+    correction = gains[1] @ (np.append(state, actual) - x[1])
+    plan = system.get_output_port().Eval(context)
+    np.testing.assert_allclose(plan[1:], [*(u[1] + correction), *(u[2] + correction)], atol=1e-12)
 
 
 def test_feedback_brings_the_car_back() -> None:

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.stats import multivariate_normal
 
 from drift_drake.gap.estimation.regression import (
     Responses,
@@ -77,6 +78,47 @@ def test_what_the_weights_remove_is_found(shared):
     assert found.removed == pytest.approx(1.0 - 150.0 / of.squares, abs=0.1)
     assert found.scales[3] == 1.0  # of a channel without weights
     assert found.weights.size == of.channel_of.size
+
+
+@pytest.mark.parametrize("shared", [False, True])
+def test_the_gain_is_the_ratio_of_two_normal_densities(shared):
+    """Of all innovations, with and without the regressors, at the prior scales that are found: about the best ones."""
+    parts = runs(shared)
+    jacobian, e, channel_of = dense(parts, shared)
+    prior = np.random.default_rng(1).uniform(0.1, 2.0, PARAMETERS)
+    found = regress(equations(parts, PARAMETERS, shared), np.zeros(PARAMETERS), prior)
+    own, weights = jacobian[:, :PARAMETERS], jacobian[:, PARAMETERS:]
+    alone = np.eye(len(e)) + own @ np.diag(1.0 / prior) @ own.T
+
+    def gain(scales):
+        whole = alone + (weights * scales[channel_of] ** 2) @ weights.T
+        densities = [multivariate_normal(cov=covariance).logpdf(e) for covariance in (whole, alone)]
+        return densities[0] - densities[1]
+
+    assert found.gain == pytest.approx(gain(found.scales), rel=1e-6)
+    for channel in np.unique(channel_of):
+        for factor in (0.8, 1.25):
+            moved = found.scales.copy()
+            moved[channel] *= factor
+            assert gain(moved) < found.gain + 1e-3
+    np.testing.assert_array_equal(found.channel_of, channel_of)
+    mode = np.linalg.solve(
+        jacobian.T @ jacobian + np.diag(np.append(prior, 1.0 / found.scales[channel_of] ** 2)), -jacobian.T @ e
+    )
+    np.testing.assert_allclose(found.weights, mode[PARAMETERS:], rtol=1e-6, atol=1e-9)
+    left = e + jacobian @ mode
+    assert found.removed == pytest.approx(1.0 - left @ left / (e @ e), rel=1e-9)
+
+
+def test_innovations_without_a_cause_leave_the_weights_at_nothing():
+    """The scales go towards zero, and no evidence is gained."""
+    noise = [
+        Responses(part.weights, CHANNELS, part.own, part.columns, 1e-6 * np.ones_like(part.residual))
+        for part in runs(False)
+    ]
+    found = regress(equations(noise, PARAMETERS, False), np.zeros(PARAMETERS), np.ones(PARAMETERS))
+    assert -0.5 < found.gain <= 0.0
+    assert np.all(found.scales[[0, 1, 2, 4]] < 0.1)
 
 
 def test_equations_of_shared_weights_add_up():

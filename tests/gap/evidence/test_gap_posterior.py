@@ -75,6 +75,12 @@ def test_the_priors_of_all_that_excludes_each_other_sum_to_one(constants, catalo
     assert constants.prior_pair < constants.prior_single < 1.5 * constants.prior_none
 
 
+def test_where_there_is_one_pair_at_most_it_has_all_of_the_pairs_prior():
+    c = PosteriorConstants()
+    assert math.exp(log_prior(2, 2, c)) == pytest.approx(c.prior_pair)
+    assert math.exp(log_prior(2, 1, c)) == pytest.approx(c.prior_pair)
+
+
 def test_evidence_counts_by_bayes_rule_and_unknown_pays_its_cost():
     """Odds by hand: evidence over the temperature, times priors; unknown has what is unexplained, less its cost."""
     c = PosteriorConstants(temperature=2.0, unknown_cost=3.0, unknown_share=0.01)

@@ -92,6 +92,37 @@ def test_each_tyre_has_its_own_slip_and_load_and_its_axles_rubber() -> None:
     assert wheel_forces(OWN, p) == pytest.approx((forces[0][1], forces[1][1], *forces[2], *forces[3]), rel=1e-12)
 
 
+@pytest.mark.parametrize("car", CARS.values())
+def test_loads_balance_the_weight_and_what_springs_dampers_and_roll_centres_carry(car: DoubleTrackParameters) -> None:
+    p, roll, roll_rate, a_x, a_y = car.constants(), 0.02, 0.1, 1.5, 3.0
+    loads, (_, left), unsprung = (
+        np.array(wheel_loads(p, roll, roll_rate, a_x, a_y)),
+        places(car).T,
+        car.front_unsprung_mass + car.rear_unsprung_mass,
+    )
+    assert loads.sum() == pytest.approx(car.mass * car.gravity)
+    assert -loads @ places(car)[:, 0] == pytest.approx(car.mass * a_x * car.cg_height)
+    a, b = car.front_axle_distance, car.rear_axle_distance
+    axis = car.front_roll_center + (car.rear_roll_center - car.front_roll_center) * a / (a + b)
+    carried = (car.front_roll_stiffness + car.rear_roll_stiffness) * roll + car.roll_damping * roll_rate
+    direct = (car.mass - unsprung) * axis + unsprung * car.wheel_radius
+    assert -loads @ left == pytest.approx(carried + direct * a_y)
+    # The sprung mass's height above the axis, of the whole's centre of gravity.
+    sprung_height = (car.mass * car.cg_height - unsprung * car.wheel_radius) / (car.mass - unsprung)
+    assert roll_arm_moment(p) == pytest.approx((car.mass - unsprung) * (sprung_height - axis))
+
+
+def test_friction_of_the_drivetrain_slows_the_rim_and_a_rate_limit_the_steering() -> None:
+    p = CAR.constants()
+    moves = [double_track_motion(R, V, BETA, OMEGA, 0.3, OWN, DELTA, TAU, p, q)
+             for q in (Effects(), Effects(drivetrain_friction=40.0), Effects(steering_rate_limit=0.4))]  # fmt: skip
+    slower = moves[1][0].omega_r_dot - moves[0][0].omega_r_dot
+    assert slower == pytest.approx(-40.0 / CAR.rear_axle_inertia * CAR.wheel_radius, rel=1e-3)
+    assert moves[2][1].steering == pytest.approx(-0.4)  # from -0.15 on to -0.2, and the wheel is where it is
+    at = double_track_motion(R, V, BETA, OMEGA, 0.3, OWN, OWN.steering, TAU, p, Effects())
+    assert moves[2][0][:3] == pytest.approx(at[0][:3])
+
+
 def test_an_axle_keeps_its_least_load() -> None:
     p = CAR.constants()
     weight = CAR.mass * CAR.gravity

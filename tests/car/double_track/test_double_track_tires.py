@@ -63,3 +63,27 @@ def test_a_sliding_tyre_acts_against_its_sliding_velocity():
 def test_magic_formula_has_the_slope_one_and_is_odd():
     assert magic_formula(1e-7, 1.4, -0.5) == pytest.approx(1e-7)
     assert magic_formula(-2.0, 1.4, -0.5) == -magic_formula(2.0, 1.4, -0.5)
+
+
+def test_small_slips_in_both_directions_make_the_force_of_either_stiffness():
+    """At slips that slide nowhere a linear tyre: each component is its own stiffness times its own slip."""
+    s_x, s_y = 2e-5, -1e-5
+    share = np.sin(2.0 * np.arctan(LOAD / TIRE.stiffest_load))
+    expected = (TIRE.longitudinal_stiffness * share * s_x, -TIRE.lateral_stiffness * share * s_y)
+    assert tire_force(s_x, s_y, LOAD, TIRE) == pytest.approx(expected, rel=1e-4)
+
+
+@pytest.mark.parametrize("curvature", [-0.8, 0.0, 0.6])
+def test_magic_formula_is_pacejkas(curvature):
+    """sin(C atan(B x - E (B x - atan(B x)))), whose slope at zero, B C, is one."""
+    shape = 1.4
+    b = 1.0 / shape
+    for x in (0.1, 1.0, 5.0, 40.0):
+        pacejka = np.sin(shape * np.arctan((1.0 - curvature) * b * x + curvature * np.arctan(b * x)))
+        assert magic_formula(x, shape, curvature) == pytest.approx(pacejka, rel=1e-12)
+
+
+def test_the_least_friction_is_a_share_of_the_nominal_one():
+    least = friction_at(1.0, 1e9, TIRE)
+    assert 0.0 < least < 0.5
+    assert friction_at(0.4, 1e9, TIRE) == pytest.approx(0.4 * least)

@@ -50,6 +50,10 @@ def test_a_car_is_believed_up_to_what_is_usual(found: Findings, believed: str, s
     assert said in choice.sentence()
 
 
+def test_nothing_is_left_to_a_hybrid_model_that_nobody_has_asked() -> None:
+    assert Choice(Findings(PLAIN, 1.01, surprise=1e-9), 1.0).believed == "adapting"
+
+
 def test_a_sentence_has_the_error_the_limit_and_the_hint() -> None:
     said = Choice(Findings(PLAIN, 1.5, hint="; 0.3 for another"), 1.0).sentence()
     assert said.endswith("off by 1.5 (as a rule at most 1; 0.3 for another)")

@@ -103,6 +103,8 @@ def test_intervals_become_as_wide_as_recordings_differ_where_they_do() -> None:
     assert disagreed == {"mass_error": "b", "aero_drag": "a", "cg_shift": "b"}
     assert out["friction_level"] == parameters["friction_level"]
     assert out["yaw_inertia_error"] == parameters["yaw_inertia_error"]
+    none = with_differences({"aero_drag": parameter("effect", 0.0, 0.12)}, found, ["a", "b"], np.full(1, 0.02))[0]
+    assert none["aero_drag"].low == 0.0
     more = wide * (0.05 - 0.03)  # of 0.03 and 2 * 0.02
     assert out["mass_error"].deviation == out["aero_drag"].deviation == pytest.approx(0.05)
     assert (out["mass_error"].low, out["mass_error"].high) == pytest.approx((-0.1 - more, 0.02 + more), abs=1e-5)

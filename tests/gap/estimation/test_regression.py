@@ -143,3 +143,9 @@ def test_rounding_does_not_take_the_information_below_the_priors():
     assert np.linalg.eigvalsh(found / np.sqrt(np.outer(prior, prior)))[0] > 0.0
     plain = np.diag([3.0, 2.0])
     assert _definite(plain, prior) is plain
+
+
+def test_of_an_information_that_rounding_made_indefinite_what_is_above_the_prior_stays():
+    prior = np.array([100.0, 1e-4, 0.5])
+    spoilt = prior * [4.0, -1e-9, 1.5]
+    np.testing.assert_allclose(_definite(np.diag(spoilt), prior), np.diag(prior * [4.0, 1.0, 1.5]), rtol=1e-12)

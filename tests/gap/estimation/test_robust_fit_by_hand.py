@@ -121,3 +121,16 @@ def test_damping_adds_shares_of_the_diagonal() -> None:
     wide = np.full(2, 9.0)
     step = bounded_step(hessian, gradient, np.zeros(2), -wide, wide, 0.5)
     np.testing.assert_allclose(np.array([[3.0, 0.5], [0.5, 1.5]]) @ step, -gradient)
+
+
+def test_what_is_at_a_bound_leaves_it_inwards_alone() -> None:
+    """A magnitude held at its bound leaves the other its own Newton step, without the coupling's part."""
+    hessian = np.array([[2.0, 0.5], [0.5, 1.0]])
+    low, high, free = np.full(2, -9.0), np.array([1.0, 9.0]), np.array([0.4, -0.3])
+    at = np.array([1.0, 0.0])
+    for bound, gradient in ((at, free), (-at, -free)):
+        lows, highs = (low, high) if bound is at else (-high, -low)
+        inwards = bounded_step(hessian, gradient, bound, lows, highs, 0.0)
+        np.testing.assert_allclose(hessian @ inwards, -gradient, atol=1e-15)
+        held = bounded_step(hessian, -gradient, bound, lows, highs, 0.0)
+        np.testing.assert_allclose(held, [0.0, gradient[1]], atol=1e-15)

@@ -72,7 +72,7 @@ def test_power_limit(omega_r, torque):
     """
     state, forwards = (0.0, 0.9 * omega_r, 0.0, omega_r, 0.0, 0.0), math.copysign(1.0, omega_r)
     asked = torque * P.gear_ratio * omega_r / P.wheel_radius * 1e-3  # [kW]
-    for share, least in ((0.25, 1e-5), (0.5, 1e-3), (1.0, 0.09)):
+    for share, least in ((0.25, 1e-12), (0.8, 1e-4), (1.0, 0.022)):
         q = share * asked
         limited, given = rates_of({"power_limit": q}, state, (0.0, torque)).omega_r, share * torque
         full = rates_of({}, state, (0.0, given)).omega_r

@@ -51,6 +51,7 @@ COOLING_TIME = 12.0  # [s]
 LOAD_FILTER_TIME = 0.05  # [s] of the accelerations that shift load
 MIN_AXLE_LOAD, MIN_LOAD_SHARE = 200.0, 0.1  # [N], but of a car too light for that a share of the static load
 WATT, LEAST_POWER = 1e3, 1e-6  # [W/kW]; [kW] below which no engine's power is
+SHARPNESS = 5  # squarings that make x^32
 RATE_LIMIT_TIME = 0.002  # [s] in which a rate-limited wheel settles on a command that it can follow
 
 
@@ -125,10 +126,17 @@ def axle_friction(omega_r: Any, q: Effects) -> Any:
 
 @jitable
 def power_lacking(demand: Any) -> Any:
-    """Share of the power asked for that an engine does not give; demand: over its limit [-]. A limit is sharp."""
-    square = maximum(demand, 0.0) * maximum(demand, 0.0)
-    fourth = square * square
-    return 1.0 - 1.0 / sqrt(sqrt(sqrt(1.0 + fourth * fourth)))
+    """Share of the power asked for that an engine does not give; demand: over its limit [-].
+
+    1 - (1 + x^32)^(-1/32): a limit is sharp, but what plans and fits has derivatives.
+    """
+    power = maximum(demand, 0.0)
+    for _ in range(SHARPNESS):
+        power = power * power
+    given = 1.0 + power
+    for _ in range(SHARPNESS):
+        given = sqrt(given)
+    return 1.0 - 1.0 / given
 
 
 @jitable

@@ -109,8 +109,8 @@ EXACT = {
     "gyro_gain_error": 0.08, "speed_gain_error": 0.01, "sensor_latency": 0.06,
 }  # fmt: skip
 ALONG = {"aero_drag": 1.5, "rolling_resistance": 0.04, "road_grade": 0.05, "road_bank": 0.1,
-         "differential_yaw_moment": 150.0, "drivetrain_friction": 200.0}  # fmt: skip
-"""Forces that are taken along the measured motion, where the equations take them along the predicted one."""
+         "differential_yaw_moment": 150.0, "drivetrain_friction": 200.0, "power_limit": 15.0}  # fmt: skip
+"""Taken along the measured motion, where the equations take them along the predicted one."""
 
 
 @pytest.mark.parametrize("name", [*EXACT, *ALONG])

@@ -66,5 +66,6 @@ def test_a_days_sums_are_without_spikes(monitor: Monitor, own_run: Run) -> None:
     clean, other = (block_sums(monitor, run)[0] for run in (own_run, Run(**{**vars(own_run), "r": r})))
     assert other.rows == clean.rows == 200.0
     assert float(other.energy) == pytest.approx(float(clean.energy), rel=0.05)
-    deviations = (other.score - clean.score) / np.sqrt(np.diag(clean.information))
+    seen = np.diag(clean.information) > 0.0  # these drives meet no power limit
+    deviations = (other.score - clean.score)[seen] / np.sqrt(np.diag(clean.information)[seen])
     assert np.abs(deviations).max() < 1.0

@@ -75,7 +75,7 @@ def test_the_sums_of_a_drives_windows_are_those_of_a_day(monitor: WindowMonitor,
     total = np.sum([one.score for one in found], axis=0)
     scale = np.sqrt(np.diag(np.sum([one.information for one in found], axis=0)))
     fast = [normal.names.index(name) for name in ("friction_level", "steering_delay", "gyro_bias", "torque_gain_error")]
-    np.testing.assert_allclose((total / scale)[fast], (expected / scale)[fast], atol=0.1)
+    np.testing.assert_allclose((total[fast] / scale[fast]), (expected[fast] / scale[fast]), atol=0.1)
 
 
 def test_an_effect_far_beyond_normal_errors_shifts_the_scores_in_proportion(

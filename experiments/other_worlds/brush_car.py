@@ -12,7 +12,7 @@ import numpy as np
 from drift_drake.car.compilation import compiled
 from drift_drake.car.effects.magnitudes import Effects
 from drift_drake.car.scalar import jitable
-from drift_drake.car.single_track.motion_with_effects import steering_rate
+from drift_drake.car.single_track.motion_with_effects import axle_torque, steering_rate
 from drift_drake.common.arrays import Array
 from experiments.benchmarks.rows import SUBSTEPS, runge_kutta_row
 
@@ -137,8 +137,8 @@ def rates(z: Any, command: Any, car: Any, out: Any) -> Any:
     moment = a * side_front * np.cos(angle_front) - b * (left_y + right_y) + half * (right_x - left_x)
     a_x, a_y = f_x / mass, f_y / mass
 
-    axle = p.gear_ratio * (1.0 + q.torque_gain_error) * torque
-    axle -= q.drivetrain_friction * np.tanh(0.5 * (z[6] + z[7]))
+    gear_ratio = p.gear_ratio * (1.0 + q.torque_gain_error)
+    axle = axle_torque(torque, 0.5 * (z[6] + z[7]), gear_ratio, p.wheel_radius, q)
     locked = differential(axle, z[7] - z[6], p)
     # A motor for each wheel turns the car as steering asks for, if the car is one with two.
     wanted = speed * steering / length / (1.0 + (speed * speed / (6.0 * p.gravity * length)))

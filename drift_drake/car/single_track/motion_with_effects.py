@@ -50,7 +50,7 @@ HEAT_UNIT = 1e5  # [J] of friction work that make one unit of heat
 COOLING_TIME = 12.0  # [s]
 LOAD_FILTER_TIME = 0.05  # [s] of the accelerations that shift load
 MIN_AXLE_LOAD, MIN_LOAD_SHARE = 200.0, 0.1  # [N], but of a car too light for that a share of the static load
-WATT, LEAST_POWER = 1e3, 1e-6  # [W/kW]; [kW] below which no engine's power is
+WATT, UNLIMITED = 1e3, 1e9  # [W/kW]; [kW] that no engine has
 SHARPNESS = 5  # squarings that make x^32
 RATE_LIMIT_TIME = 0.002  # [s] in which a rate-limited wheel settles on a command that it can follow
 
@@ -143,7 +143,8 @@ def power_lacking(demand: Any) -> Any:
 def axle_torque(tau: Any, omega_r: Any, gear_ratio: Any, wheel_radius: Any, q: Effects) -> Any:
     """Torque [N m] at the rear axle of an engine's [N m], within its power, less friction."""
     torque = gear_ratio * tau
-    demand = torque * omega_r / (wheel_radius * WATT * maximum(q.power_limit, LEAST_POWER))
+    most = select(0.0, q.power_limit, q.power_limit, UNLIMITED)
+    demand = torque * omega_r / (wheel_radius * WATT * most)
     lacking = switched(select(0.0, q.power_limit, 1.0, 0.0), power_lacking, demand)
     return torque * (1.0 - lacking) - axle_friction(omega_r, q)
 

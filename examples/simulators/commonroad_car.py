@@ -83,14 +83,21 @@ def simulate(
     start: Mapping[str, float], inputs: Mapping[str, Numbers], dt: float, parameters: Mapping[str, float]
 ) -> dict[str, Numbers]:
     """A roll-out from r [rad/s], v [m/s], beta [rad], omega [rad/s] under steering [rad] and torque [N m] at the rear
-    axle, each [rows]; returns r, v_x, v_y, omega, psi, each [rows]."""
+    axle, each [rows]; returns r, v_x, v_y, omega, psi, each [rows].
+
+    Up to the first row with lead_in 0, the body follows the measured led_r, led_v_x and led_v_y, so that roll,
+    suspension, tyres and wheels settle under that motion.
+    """
     p, numbers = car_of(tuple(parameters.items()))
     angle = float(inputs["steering"][0])
     x = np.array(init_mb([0.0, 0.0, angle, start["v"], 0.0, start["r"], start["beta"]], p))
     x[list(REAR)] = start["omega"]
     steps, step, out = max(round(dt / STEP), 1), stepping(), [x.copy()]
-    drive = inputs["torque"] / (p.m * p.R_w)
+    drive, led = inputs["torque"] / (p.m * p.R_w), int(np.argmin(inputs["lead_in"]))
     for row in range(len(drive) - 1):
+        if led and row <= led:
+            x[[R, V_X, V_Y]] = [inputs[name][row] for name in ("led_r", "led_v_x", "led_v_y")]
+            out[-1] = x.copy()
         step(x, inputs["steering"][row : row + 2], drive[row : row + 2], steps, dt / steps, numbers)
         out.append(x.copy())
     motion = np.array(out)

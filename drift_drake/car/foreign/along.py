@@ -4,6 +4,7 @@ import numpy as np
 
 from drift_drake.car.actuated import STAGES, actuated, without_actuators
 from drift_drake.car.effects.magnitudes import NO_INTERNAL_STATES, Effects, actuation_of, with_forces
+from drift_drake.car.foreign.signals import LEAD_IN, in_channels
 from drift_drake.car.foreign.simulator import FORCES, STEERING, TORQUE, SimulatorConstants
 from drift_drake.car.road import NO_WRENCH, on_road, with_bank
 from drift_drake.car.single_track.motion_with_effects import axle_torque
@@ -33,6 +34,7 @@ def inputs_along(
     torque = axle_torque(torque * constants.torque_gain, along[:, 3], gear, radius, rest) / gear
     delta, torque = actuation_of(delta + rest.steering_offset, torque, along[:, 1], rest, NO_INTERNAL_STATES)
     si = {STEERING: delta, TORQUE: torque, "measured_speed": along[:, 1], "measured_yaw_rate": along[:, 0]}
+    si |= {LEAD_IN: np.zeros(len(fine))} | {f"{LEAD_IN}_{name}": q for name, q in in_channels(along).items()}
     own = with_forces(*(along[:, i] for i in range(5)), constants.about, rest, NO_INTERNAL_STATES, (0.0, 0.0, 0.0))
     further = with_bank(wrench, banked)
     for i, name in enumerate(FORCES):

@@ -6,6 +6,7 @@ import numpy as np
 
 from drift_drake.car.foreign.along import between
 from drift_drake.car.foreign.rollouts import Job
+from drift_drake.car.foreign.signals import LEAD_IN, in_channels
 from drift_drake.car.foreign.simulator import Simulator, SimulatorConstants
 from drift_drake.common.arrays import Array, Index
 
@@ -45,16 +46,14 @@ def job_along(
     at = np.arange(steps * rows + 1)
     grid = (steps * begin)[:, None] + at
     inputs = {name: values[grid] for name, values in signals.items()}
-    inputs["lead_in"] = np.broadcast_to(np.where(at < steps * lead, 1.0, 0.0), grid.shape)
+    inputs[LEAD_IN] = np.broadcast_to(np.where(at < steps * lead, 1.0, 0.0), grid.shape)
     held = between(motion, begin[:, None] + at[: steps * lead + 1] / steps) if lead else None
     return job_of(constants, period / steps, motion[begin], inputs, held)
 
 
 def start_values(simulator: Simulator, motion: Array) -> dict[str, Array]:
     """Start values by their names, of motion [..., 5]."""
-    r, v, beta, omega_r, psi = (motion[..., i] for i in range(5))
-    si = {"r": r, "v": v, "beta": beta, "omega_r": omega_r, "psi": psi}
-    si |= {"v_x": v * np.cos(beta), "v_y": v * np.sin(beta)}
+    si = in_channels(motion)
     return {signal.name: signal.own(si[key]) for key, signal in simulator.start.items()}
 
 

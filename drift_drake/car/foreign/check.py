@@ -18,8 +18,10 @@ import numpy as np
 from drift_drake.car.car_file import read_simulator_car
 from drift_drake.car.effects.magnitudes import NO_INTERNAL_STATES, Effects
 from drift_drake.car.foreign.asked import CHANNELS, job_of, motion_of
+from drift_drake.car.foreign.led_in import LEADS, put_off, weave
 from drift_drake.car.foreign.pool import cost_of, roll_all
 from drift_drake.car.foreign.rollouts import SimulatorError
+from drift_drake.car.foreign.signals import LEAD_IN, in_channels
 from drift_drake.car.foreign.simulator import FORCES, Simulator, SimulatorConstants
 from drift_drake.car.foreign.simulator_car import SimulatorCar
 from drift_drake.car.single_track.motion_with_effects import motion_with_effects
@@ -40,6 +42,7 @@ NOTHING = 1e-3  # of the expected, below which an input does nothing
 SAME = 1e-9  # of a trial's motion, by which the same trial may differ
 COARSE = 0.02  # of a trial's motion, by which half the step may change it
 LATE = 0.015  # [s] from where on an output is said to lag
+OFF = 0.01  # of what a prediction says to change, from where on unset states are worth a longer lead-in
 MOVED = 0.2  # of a parameter, that it is tried at
 NO_INPUTS: Mapping[str, float] = MappingProxyType({})
 Grade = Literal["wrong", "doubtful", "good"]
@@ -98,9 +101,11 @@ class _Trial:
         rows = (ROWS - 1) * steps + 1
         on = np.clip(np.arange(rows) / (10.0 * steps), 0.0, 1.0)
         values = {name: inputs.get(name, 0.0) * on[None] for name in ("steering", "torque", *FORCES)}
-        values |= {"measured_speed": np.full((1, rows), self.speed), "measured_yaw_rate": np.zeros((1, rows)),
-                   "lead_in": np.zeros((1, rows))}  # fmt: skip
         begin = self.start() if start is None else start
+        straight = in_channels(self.start())
+        values |= {"measured_speed": np.full((1, rows), self.speed), "measured_yaw_rate": np.zeros((1, rows)),
+                   LEAD_IN: np.zeros((1, rows))}  # fmt: skip
+        values |= {f"{LEAD_IN}_{name}": np.full((1, rows), q[0]) for name, q in straight.items()}
         job = job_of(constants or self.constants, ROW / steps, begin, values)
         (got,) = roll_all([job])
         return motion_of(self.simulator, got, ROW / steps)[0, ::steps]
@@ -143,7 +148,7 @@ def check_simulator(simulator: str | Path | SimulatorCar) -> CheckedSimulator:
         why = cost_of(car.simulator).why or "its outputs are no finite numbers"
         raise SimulatorError(f"{car.simulator.target}: a car that rolls straight on cannot be simulated: {why}")
     findings = [*_repeated(trial), *_started(trial), *_responses(trial), *_steps(trial), *_lags(trial),
-                *_parameters(trial)]  # fmt: skip
+                *_led_in(trial), *_parameters(trial)]  # fmt: skip
     seconds = cost_of(car.simulator).seconds
     return CheckedSimulator(findings, seconds, dict(car.simulator.lacking), time.perf_counter() - began)
 
@@ -268,6 +273,21 @@ def _lags(trial: _Trial) -> list[Finding]:
         return [Finding("wrong", f"output {first} comes {1e3 * abs(late):.0f} ms later than {then}: it lags; take both "
                         "at the same time")]  # fmt: skip
     return [Finding("good", "psi and r are of the same time")]
+
+
+def _led_in(trial: _Trial) -> list[Finding]:
+    """Whether predictions begin as the simulator would go on, whatever states a start cannot set."""
+    woven, own = weave(trial.constants, trial.speed, trial.steering, 0.5 * trial.torque), trial.simulator.lead_in
+    off = put_off(woven, [own])[own]
+    size = f"states that a start cannot set put predictions off by {100 * off:.2g} % of their change"
+    if off < OFF:
+        return [Finding("good", size)]
+    others = put_off(woven, [lead for lead in LEADS if lead != own])
+    enough = [lead for lead, share in others.items() if share < OFF]
+    best = min(enough) if enough else min(others, key=lambda lead: others[lead])
+    if not others[best] < 0.5 * off:
+        return [Finding("doubtful", f"{size}, with other lead-ins too: small changes will not be seen")]
+    return [Finding("doubtful", f"{size}; {100 * others[best]:.2g} % with lead_in: {best:g}")]
 
 
 def _parameters(trial: _Trial) -> list[Finding]:

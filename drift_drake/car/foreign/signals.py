@@ -4,16 +4,20 @@ import math
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from drift_drake.car.parameters import InvalidVehicleError, as_number, is_number
+from drift_drake.common.arrays import Array
 from drift_drake.common.errors import meant, shown
 from drift_drake.common.units import DIMENSIONS, unit_of
 
-INPUTS = {  # by what a log calls them: dimension
-    "steering": "angle", "torque": "torque", "force_x": "force", "force_y": "force", "yaw_moment": "torque",
-    "measured_speed": "speed", "measured_yaw_rate": "angular rate", "lead_in": "number",
-}  # fmt: skip
 MOTION = {"r": "angular rate", "v": "speed", "v_x": "speed", "v_y": "speed", "beta": "angle", "omega_r": "speed",
           "psi": "angle"}  # fmt: skip
+LEAD_IN = "lead_in"  # 1 while a window is led in, then 0; with a channel's name behind it: as measured
+INPUTS = {  # by what a log calls them: dimension
+    "steering": "angle", "torque": "torque", "force_x": "force", "force_y": "force", "yaw_moment": "torque",
+    "measured_speed": "speed", "measured_yaw_rate": "angular rate", LEAD_IN: "number",
+} | {f"{LEAD_IN}_{name}": dimension for name, dimension in MOTION.items() if name != "psi"}  # fmt: skip
 KEYS = ("name", "unit", "ratio", "sign", "offset")
 
 
@@ -31,6 +35,13 @@ class SimulatorSignal(NamedTuple):
     def si(self, own: Any) -> Any:
         """The other way."""
         return (own - self.offset) / self.factor
+
+
+def in_channels(motion: Array) -> dict[str, Array]:
+    """Motion r, v, beta, omega_r, psi [..., 5] by channel, v_x and v_y besides."""
+    r, v, beta, omega_r, psi = (motion[..., i] for i in range(5))
+    found = {"r": r, "v": v, "v_x": v * np.cos(beta), "v_y": v * np.sin(beta), "beta": beta}
+    return found | {"omega_r": omega_r, "psi": psi}
 
 
 def signals_of(data: Any, place: str, known: Mapping[str, str], wheel_radius: float) -> dict[str, SimulatorSignal]:
@@ -77,7 +88,7 @@ def _unit_size(unit: Any, place: str, quantity: str, dimension: str, wheel_radiu
     """SI units in one of the simulator's."""
     if unit is None:
         return 1.0
-    kinds = (dimension, "angular rate") if quantity == "omega_r" else (dimension,)
+    kinds = (dimension, "angular rate") if quantity.endswith("omega_r") else (dimension,)
     found = unit_of(unit, kinds) if isinstance(unit, str) else None
     if found is None or not math.isfinite(found.factor):
         own = ", ".join(name for kind in kinds for name in DIMENSIONS[kind][1])

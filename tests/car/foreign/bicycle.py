@@ -66,6 +66,20 @@ def takes_degrees(start, inputs, dt, parameters):
     return simulate(start, inputs | {"steer": np.radians(inputs["steer"])}, dt, parameters)
 
 
+def starts_centred(start, inputs, dt, parameters):
+    """Its wheels stand straight where a roll-out begins, and follow the rack with the lag `soft`."""
+    straight = inputs["steer"].copy()
+    straight[:, 0] = 0.0
+    return simulate(start, inputs | {"steer": straight}, dt, parameters)
+
+
+def echoes(_start, inputs, dt, _parameters):
+    """What it is told to follow."""
+    found = {name: inputs[f"led_{name}"] for name in ("r", "vx", "vy", "w")}
+    turned = np.cumsum(0.5 * dt * (found["r"][:, 1:] + found["r"][:, :-1]), axis=1)
+    return found | {"psi": np.concatenate([0.0 * turned[:, :1], turned], axis=1)}
+
+
 def starts_at_rest(start, inputs, dt, parameters):
     return simulate(start | {"r": 0.0 * start["r"]}, inputs, dt, parameters)
 

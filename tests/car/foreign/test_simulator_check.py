@@ -13,7 +13,7 @@ from drift_drake.car.foreign.pool import cost_of, end_workers
 from drift_drake.car.foreign.rollouts import SimulatorError
 from drift_drake.car.foreign.simulator_car import SimulatorCar
 from drift_drake.cli.main import main
-from tests.car.foreign.bicycle import DATA, written
+from tests.car.foreign.bicycle import DATA, PARAMETERS, written
 
 INPUTS, OUTPUTS = DATA["simulator"]["inputs"], DATA["simulator"]["outputs"]
 
@@ -64,6 +64,21 @@ def test_a_mistake_is_named(tmp_path: Path, mistake: str) -> None:
     found = checked(written(tmp_path, function, **changes))
     sentences = [one.sentence for one in found.findings if one.grade != "good"]
     assert any(re.search(said, sentence) for sentence in sentences), sentences
+
+
+def test_states_that_a_start_cannot_set_ask_for_a_lead_in(tmp_path: Path) -> None:
+    """Wheels that lag 0.12 s and begin straight: lost in 0.2 s of lead-in to a fifth, in 0.8 s to a thousandth."""
+    slow = PARAMETERS | {"soft": 0.12}
+    with_none = checked(written(tmp_path, "starts_centred", parameters=slow))
+    said = [one.sentence for one in with_none.findings if one.grade != "good"]
+    (found,) = (re.search(r"off by ([\d.]+) % of their change; ([\d.]+) % with lead_in: ([\d.]+)", s) for s in said)
+    assert found is not None
+    off, then, lead = map(float, found.groups())
+    assert off > 10.0
+    assert then < 1.0
+    assert 0.4 <= lead <= 0.8
+    with_one = checked(written(tmp_path, "starts_centred", parameters=slow, lead_in=lead, name="led.yaml"))
+    assert [one.sentence for one in with_one.findings if one.grade != "good"] == []
 
 
 def test_a_crash_and_a_hang_are_bounded_counted_and_named(tmp_path: Path) -> None:

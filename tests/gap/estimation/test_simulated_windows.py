@@ -15,8 +15,8 @@ from drift_drake.car.log.table import Run
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.gap.estimation.effort import affordable, counted
 from drift_drake.gap.estimation.windows import WindowedRun, errors, windowed
+from tests.car.foreign.bicycle import DATA, simulate, straight_on, written
 from tests.car.foreign.bicycle import PARAMETERS as PARAMETERS_OF_BICYCLE
-from tests.car.foreign.bicycle import simulate, straight_on, written
 
 TWIN = """
 import numpy as np
@@ -146,6 +146,19 @@ def test_a_lead_in_lets_what_cannot_be_set_settle(tmp_path: Path) -> None:
                      0.32 * found["w"])  # fmt: skip
     near, far = (np.sqrt(np.mean(errors(own, car.constants(), Effects())[..., [0, 2]] ** 2)) for car in (led, rest))
     assert near < 0.4 * far
+
+
+def test_a_lead_in_gives_the_measured_motion_to_follow(tmp_path: Path) -> None:
+    """A simulator that puts out what it is given to follow predicts what is measured, but for the starts' smoothing."""
+    led = {"lead_in_r": "led_r", "lead_in_v_x": "led_vx", "lead_in_v_y": "led_vy",
+           "lead_in_omega_r": {"name": "led_w", "unit": "rad/s"}}  # fmt: skip
+    path = written(tmp_path, "echoes", lead_in=0.3, inputs=DATA["simulator"]["inputs"] | led)
+    r, v, beta, omega_r = 0.4 * np.sin(3.0 * T), 12.0 + 0.5 * T, 0.1 * np.cos(2.0 * T), 12.5 + 0.4 * T
+    (run,) = windows_of(r, v, beta, omega_r)
+    found = errors([run], read_car(path)[0].constants(), Effects())
+    rows = run.starts[:, None] + run.stride_rows * np.arange(1, found.shape[1] + 1)
+    np.testing.assert_allclose(found[..., :4], (run.y - run.start_y)[rows][..., :4], atol=2e-4)
+    assert np.ptp(r) > 0.5
 
 
 def test_progress_counts_roll_outs(tmp_path: Path, runs) -> None:

@@ -1,0 +1,66 @@
+"""How far a simulator's predictions are put off by states that a window's start cannot set, by the lead-in before it.
+
+The simulator weaves; then it is started anew in the midst of that from what its outputs say, as a prediction is started
+from a log. Where all its states are set, or have settled in the lead-in, it goes on as it went.
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from drift_drake.car.effects.magnitudes import Effects
+from drift_drake.car.foreign.along import inputs_along
+from drift_drake.car.foreign.asked import CHANNELS, job_along, job_of, motion_of
+from drift_drake.car.foreign.pool import roll_all
+from drift_drake.car.foreign.simulator import SimulatorConstants
+from drift_drake.common.arrays import Array
+
+ROW = 0.01  # [s]
+LEADS = (0.0, 0.2, 0.4, 0.8, 1.2)  # [s] that are tried
+AHEAD = np.arange(10, 51, 10)  # rows from a start to what is compared: the horizons of a prediction
+STARTS, APART = 8, 8  # how many, rows from one to the next
+WEAVES = 1.2  # [Hz]
+COMPARED = [CHANNELS.index(name) for name in ("r", "beta")]
+
+
+class Weave(NamedTuple):
+    """A simulator that weaves: its motion [rows, 5], and its inputs along that."""
+
+    constants: SimulatorConstants
+    motion: Array
+    inputs: dict[str, Array]
+
+
+def weave(constants: SimulatorConstants, speed: float, steering: float, torque: float) -> Weave:
+    """The motion to start anew in.
+
+    Args:
+        speed: [m/s] to begin at; steering: amplitude [rad]; torque: of the engine [N m].
+    """
+    s, q = constants.simulator, Effects()
+    longest = max(*LEADS, s.lead_in)
+    rows = round(longest / ROW) + STARTS * APART + AHEAD[-1] + 1
+    commands = steering * np.sin(2.0 * np.pi * WEAVES * ROW * np.arange(rows)), np.full(rows, torque)
+    straight = np.tile([0.0, speed, 0.0, speed, 0.0], (rows, 1))
+    inputs, dt = inputs_along(commands, straight, ROW, constants, q), ROW / s.steps_in(ROW)
+    (got,) = roll_all([job_of(constants, dt, straight[:1], {name: values[None] for name, values in inputs.items()})])
+    motion = motion_of(s, got, dt)[0, :: s.steps_in(ROW)]
+    motion = np.where([s.gives(name) for name in CHANNELS], motion, motion[:, [0, 1, 2, 1, 4]])  # a rim as the car
+    return Weave(constants, motion, inputs_along(commands, motion, ROW, constants, q))
+
+
+def put_off(woven: Weave, leads: Sequence[float] = LEADS) -> dict[float, float]:
+    """By lead-in [s]: error of how r and beta change within half a second (the larger), as a share of that change."""
+    s, motion = woven.constants.simulator, woven.motion
+    begin = len(motion) - 1 - AHEAD[-1] - APART * np.arange(STARTS)
+    true = motion[begin[:, None] + AHEAD] - motion[begin][:, None]
+    rows = [round(lead / ROW) for lead in leads]
+    jobs = [job_along(woven.constants, ROW, motion, woven.inputs, begin - n, n, n + AHEAD[-1]) for n in rows]
+    out = {}
+    for lead, n, got in zip(leads, rows, roll_all(jobs), strict=True):
+        found = motion_of(s, got, ROW / s.steps_in(ROW))[:, :: s.steps_in(ROW)]
+        wrong = found[:, n + AHEAD] - found[:, [n]] - true
+        shares = np.mean(wrong**2, axis=(0, 1)) / (np.mean(true**2, axis=(0, 1)) + 1e-12)
+        out[lead] = float(np.sqrt(np.max(shares[COMPARED])))
+    return out

@@ -74,7 +74,7 @@ def starts_centred(start, inputs, dt, parameters):
 
 
 def echoes(_start, inputs, dt, _parameters):
-    """What it is told to follow."""
+    """What it is given to follow."""
     found = {name: inputs[f"led_{name}"] for name in ("r", "vx", "vy", "w")}
     turned = np.cumsum(0.5 * dt * (found["r"][:, 1:] + found["r"][:, :-1]), axis=1)
     return found | {"psi": np.concatenate([0.0 * turned[:, :1], turned], axis=1)}

@@ -3,7 +3,7 @@
 See mujoco_car.yaml. All roll-outs of a call are stepped by MuJoCo's own threads (`mujoco.rollout`).
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import lru_cache
 
 import mujoco
@@ -88,11 +88,24 @@ def model_of(parameters: tuple[tuple[str, float], ...]) -> tuple[mujoco.MjModel,
     return model, state
 
 
+def follow(velocity: Numbers, quaternion: Numbers, measured: Sequence[Numbers], rise: float) -> None:
+    """Gives the body [n] the measured v_x, v_y [m/s] at its centre of gravity and yaw rate [rad/s], in place."""
+    w, x, y, z = quaternion.T
+    yaw = np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
+    v_x, v_y = measured[0] - velocity[:, 4] * rise, measured[1] + velocity[:, 3] * rise
+    velocity[:, 0], velocity[:, 1] = v_x * np.cos(yaw) - v_y * np.sin(yaw), v_x * np.sin(yaw) + v_y * np.cos(yaw)
+    velocity[:, 5] = measured[2]
+
+
 def simulate(
     start: Mapping[str, Numbers], inputs: Mapping[str, Numbers], dt: float, parameters: Mapping[str, float]
 ) -> dict[str, Numbers]:
     """Roll-outs: start values yaw_rate, v_x, v_y, omega [n]; inputs steer [rad], torque [N m at the axle], F_x, F_y,
-    M_z [n, rows]; returns yaw_rate, v_x, v_y, omega [rad/s] and heading [rad], each [n, rows]."""
+    M_z [n, rows]; returns yaw_rate, v_x, v_y, omega [rad/s] and heading [rad], each [n, rows].
+
+    Up to the first row with lead_in 0, the body follows the measured led_v_x, led_v_y and led_r, so that springs and
+    wheels settle under that motion.
+    """
     model, rest = model_of(tuple(parameters.items()))
     count, rows = inputs["steer"].shape
     fine = max(round(dt / STEP), 1)
@@ -114,8 +127,18 @@ def simulate(
 
     steer, half = between(inputs["steer"]), 0.5 * between(inputs["torque"])
     control = np.stack([steer, steer, half, half, *(between(inputs[name]) for name in ("F_x", "F_y", "M_z"))], axis=-1)
-    _, sensed = rollout.rollout(model, mujoco.MjData(model), initial_state=state, control=control)
-    sensed = sensed[:, fine - 1 :: fine]  # a step's sensors are those of its begin
+    led, parts = int(np.argmin(inputs["lead_in"][0])), []
+    for row in range(led + 1):  # row by row while it is led in, then to the end
+        if led:
+            follow(velocity, state[:, 4:8], [inputs[name][:, row] for name in ("led_v_x", "led_v_y", "led_r")],
+                   parameters["h"] - parameters["R"])  # fmt: skip
+        end = (row + 1) * fine if row < led else control.shape[1]
+        states, sensors = rollout.rollout(
+            model, mujoco.MjData(model), initial_state=state, control=control[:, row * fine : end]
+        )
+        state[:] = states[:, -1]
+        parts.append(sensors)
+    sensed = np.concatenate(parts, axis=1)[:, fine - 1 :: fine]  # a step's sensors are those of its begin
     yaw, v_x, v_y = (np.concatenate([np.asarray(start[name])[:, None], sensed[..., i]], axis=1)
                      for name, i in (("yaw_rate", 2), ("v_x", 3), ("v_y", 4)))  # fmt: skip
     omega = np.concatenate([np.asarray(start["omega"])[:, None], 0.5 * (sensed[..., 6] + sensed[..., 7])], axis=1)

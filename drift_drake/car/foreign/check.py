@@ -18,7 +18,7 @@ import numpy as np
 from drift_drake.car.car_file import read_simulator_car
 from drift_drake.car.effects.magnitudes import NO_INTERNAL_STATES, Effects
 from drift_drake.car.foreign.asked import CHANNELS, job_of, motion_of
-from drift_drake.car.foreign.led_in import LEADS, put_off, weave
+from drift_drake.car.foreign.led_in import OFF, lead_in_needed, trial_of
 from drift_drake.car.foreign.pool import cost_of, roll_all
 from drift_drake.car.foreign.rollouts import SimulatorError
 from drift_drake.car.foreign.signals import LEAD_IN, in_channels
@@ -28,8 +28,6 @@ from drift_drake.car.single_track.motion_with_effects import motion_with_effects
 from drift_drake.common.arrays import Array
 
 ROW, ROWS = 0.01, 81  # [s] between rows of a trial, and how many
-SPEED = 2.5  # sqrt(g wheelbase), that a trial begins at: 12.7 m/s of a full-size car
-TURN, THRUST = 2.0, 1.5  # [m/s^2] that a trial's steering and torque would make
 BODY = 0.15  # g, of a force on the body
 NAMED = {  # factors that a unit or a sign makes, in words
     180.0 / math.pi: "degrees for radians", math.pi / 180.0: "radians for degrees", 3.6: "km/h for m/s",
@@ -42,7 +40,6 @@ NOTHING = 1e-3  # of the expected, below which an input does nothing
 SAME = 1e-9  # of a trial's motion, by which the same trial may differ
 COARSE = 0.02  # of a trial's motion, by which half the step may change it
 LATE = 0.015  # [s] from where on an output is said to lag
-OFF = 0.01  # of what a prediction says to change, from where on unset states are worth a longer lead-in
 MOVED = 0.2  # of a parameter, that it is tried at
 NO_INPUTS: Mapping[str, float] = MappingProxyType({})
 Grade = Literal["wrong", "doubtful", "good"]
@@ -76,10 +73,7 @@ class _Trial:
     def __init__(self, car: SimulatorCar) -> None:
         self.car, self.simulator, self.constants = car, car.simulator, car.constants()
         about = car.single_track()
-        base = about.front_axle_distance + about.rear_axle_distance
-        self.speed = SPEED * math.sqrt(about.gravity * base)
-        self.steering = min(TURN * base / self.speed**2, 0.5 * about.steering_limit)
-        self.torque = THRUST * about.mass * about.wheel_radius / about.gear_ratio
+        self.speed, self.steering, self.torque = trial_of(about)
         self.force = BODY * about.mass * about.gravity
 
     @cached_property
@@ -277,17 +271,10 @@ def _lags(trial: _Trial) -> list[Finding]:
 
 def _led_in(trial: _Trial) -> list[Finding]:
     """Whether predictions begin as the simulator would go on, whatever states a start cannot set."""
-    woven, own = weave(trial.constants, trial.speed, trial.steering, 0.5 * trial.torque), trial.simulator.lead_in
-    off = put_off(woven, [own])[own]
-    size = f"states that a start cannot set put predictions off by {100 * off:.2g} % of their change"
-    if off < OFF:
-        return [Finding("good", size)]
-    others = put_off(woven, [lead for lead in LEADS if lead != own])
-    enough = [lead for lead, share in others.items() if share < OFF]
-    best = min(enough) if enough else min(others, key=lambda lead: others[lead])
-    if not others[best] < 0.5 * off:
-        return [Finding("doubtful", f"{size}, with other lead-ins too: small changes will not be seen")]
-    return [Finding("doubtful", f"{size}; {100 * others[best]:.2g} % with lead_in: {best:g}")]
+    needed = lead_in_needed(trial.car)
+    if not math.isfinite(needed.off):
+        return []  # roll-outs fail, which is said elsewhere
+    return [Finding("good" if needed.off < OFF else "doubtful", needed.sentence())]
 
 
 def _parameters(trial: _Trial) -> list[Finding]:

@@ -4,6 +4,8 @@ The simulator weaves; then it is started anew in the midst of that from what its
 from a log. Where all its states are set, or have settled in the lead-in, it goes on as it went.
 """
 
+import dataclasses
+import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -13,7 +15,10 @@ from drift_drake.car.effects.magnitudes import Effects
 from drift_drake.car.foreign.along import inputs_along
 from drift_drake.car.foreign.asked import CHANNELS, job_along, job_of, motion_of
 from drift_drake.car.foreign.pool import roll_all
+from drift_drake.car.foreign.signals import LEAD_IN
 from drift_drake.car.foreign.simulator import SimulatorConstants
+from drift_drake.car.foreign.simulator_car import SimulatorCar
+from drift_drake.car.parameters import VehicleParameters
 from drift_drake.common.arrays import Array
 
 ROW = 0.01  # [s]
@@ -21,7 +26,72 @@ LEADS = (0.0, 0.2, 0.4, 0.8, 1.2)  # [s] that are tried
 AHEAD = np.arange(10, 51, 10)  # rows from a start to what is compared: the horizons of a prediction
 STARTS, APART = 8, 8  # how many, rows from one to the next
 WEAVES = 1.2  # [Hz]
+OFF = 0.02  # of what a prediction says to change, from where on unset states are worth a longer lead-in
+SPEED = 2.5  # sqrt(g wheelbase), that a trial begins at: 12.7 m/s of a full-size car
+TURN, THRUST = 2.0, 1.5  # [m/s^2] that a trial's steering and torque would make
 COMPARED = [CHANNELS.index(name) for name in ("r", "beta")]
+
+
+class Trial(NamedTuple):
+    """What a car of this size is tried with."""
+
+    speed: float  # [m/s]
+    steering: float  # [rad]
+    torque: float  # of the engine [N m]
+
+
+def trial_of(about: VehicleParameters) -> Trial:
+    """Moderate driving of a single-track car."""
+    base = about.front_axle_distance + about.rear_axle_distance
+    speed = SPEED * math.sqrt(about.gravity * base)
+    steering = min(TURN * base / speed**2, 0.5 * about.steering_limit)
+    return Trial(speed, steering, THRUST * about.mass * about.wheel_radius / about.gear_ratio)
+
+
+class Needed(NamedTuple):
+    """A lead-in that would do better than the simulator's own, and how far predictions are put off [-] with each."""
+
+    off: float
+    lead_in: float  # [s]
+    then: float
+
+    @property
+    def helps(self) -> bool:
+        """Whether it is worth its roll-outs."""
+        return self.off >= OFF and self.then < 0.5 * self.off
+
+    def sentence(self) -> str:
+        """The figures."""
+        size = f"states that a start cannot set put predictions off by {100 * self.off:.2g} % of their change"
+        if self.off < OFF:
+            return size
+        if not self.helps:
+            return f"{size}, with other lead-ins too: small changes will not be seen"
+        return f"{size}; {100 * self.then:.2g} % with lead_in: {self.lead_in:g}"
+
+
+def lead_in_needed(car: SimulatorCar) -> Needed:
+    """What a lead-in would do for predictions; the simulator's own where that is enough. NaN where roll-outs fail."""
+    own, usual = car.simulator.lead_in, trial_of(car.single_track())
+    woven = weave(car.constants(), usual.speed, usual.steering, 0.5 * usual.torque)
+    off = put_off(woven, [own])[own]
+    if off < OFF:
+        return Needed(off, own, off)
+    others = put_off(woven, [lead for lead in LEADS if lead != own])
+    enough = [lead for lead, share in others.items() if share < OFF]
+    best = min(enough) if enough else min(others, key=lambda lead: others[lead])
+    return Needed(off, best, others[best])
+
+
+def led_in(car: SimulatorCar) -> tuple[SimulatorCar, list[str]]:
+    """The car with the lead-in that it needs where its file names none, and what is to be said of it."""
+    needed = lead_in_needed(car)
+    if not needed.helps:
+        return car, []
+    if LEAD_IN in car.simulator.data:
+        return car, [needed.sentence()]
+    simulator = car.simulator.led_in(needed.lead_in)
+    return dataclasses.replace(car, simulator=simulator), [f"{needed.sentence()}, which is used"]
 
 
 class Weave(NamedTuple):

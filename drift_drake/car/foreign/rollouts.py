@@ -8,6 +8,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator, Mapping
 from functools import lru_cache
+from pathlib import Path
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
@@ -167,6 +168,10 @@ def function_of(target: str, folder: str) -> Callable[..., Any]:
     module, _, name = target.partition(":")
     if folder not in sys.path:
         sys.path.insert(0, folder)
+    own = Path(folder, *module.split(".")).with_suffix(".py")
+    if own.is_file() and module in sys.modules and own != Path(getattr(sys.modules[module], "__file__", None) or ""):
+        sys.path.insert(0, folder)  # another folder's module of this name was imported before
+        del sys.modules[module]
     try:
         found = getattr(importlib.import_module(module), name, None)
     except Exception as error:

@@ -14,7 +14,7 @@ from drift_drake.car.deviation import Deviation
 from drift_drake.car.effects.catalogue import CATALOGUE, PARAMETRIC
 from drift_drake.car.effects.magnitudes import Effects
 from drift_drake.car.effects.record import Effect
-from drift_drake.car.foreign.signals import SimulatorSignal
+from drift_drake.car.foreign.signals import LEAD_IN, SimulatorSignal
 from drift_drake.car.parameters import Constants
 from drift_drake.car.single_track.motion_with_effects import changed_constants
 
@@ -58,6 +58,10 @@ class Simulator:
     def data(self) -> dict[str, Any]:
         """The description, as in its file."""
         return dict(json.loads(self.written))
+
+    def led_in(self, seconds: float) -> "Simulator":
+        """The same with another lead-in [s]."""
+        return dataclasses.replace(self, lead_in=seconds, written=json.dumps(self.data | {LEAD_IN: seconds}))
 
     @cached_property
     def lacking(self) -> dict[str, str]:

@@ -15,6 +15,7 @@ from drift_drake.car.double_track.nearest import nearest_double_track
 from drift_drake.car.double_track.parameters import DoubleTrackParameters
 from drift_drake.car.effects.catalogue import CATALOGUE, fitted
 from drift_drake.car.equations import kind_of
+from drift_drake.car.foreign.led_in import led_in
 from drift_drake.car.foreign.simulator_car import SimulatorCar
 from drift_drake.car.given_vehicle import Vehicle, vehicle_given
 from drift_drake.car.log.cases import GivenLogs, Logs, logs_given
@@ -100,6 +101,9 @@ def calibrate(runs: Sequence[Run], asked: Asked, progress: Progress | None = Non
     vehicle, first = asked.vehicle, first_of_kind(asked.first, asked.kind)
     runs, kept = split(runs, asked.validation)
     runs, _, warnings = admit(runs, first)
+    if isinstance(first, SimulatorCar):
+        first, said = led_in(first)
+        warnings += said
     asked = dataclasses.replace(asked, judged=for_validation(kept, first))
     warnings += [
         f"effect {name}: calibrated anyway, as a parameter of the vehicle file" for name in asked.names if name in OWN

@@ -7,11 +7,13 @@ from pathlib import Path
 
 import pytest
 
-from drift_drake.car.car_file import read_car
+from drift_drake.car.car_file import read_car, read_simulator_car
 from drift_drake.car.foreign.check import check_simulator
+from drift_drake.car.foreign.led_in import led_in
 from drift_drake.car.foreign.pool import cost_of, end_workers
-from drift_drake.car.foreign.rollouts import SimulatorError
+from drift_drake.car.foreign.rollouts import SimulatorError, function_of
 from drift_drake.car.foreign.simulator_car import SimulatorCar
+from drift_drake.car.vehicle_file import write_vehicle
 from drift_drake.cli.main import main
 from tests.car.foreign.bicycle import DATA, PARAMETERS, written
 
@@ -75,10 +77,34 @@ def test_states_that_a_start_cannot_set_ask_for_a_lead_in(tmp_path: Path) -> Non
     assert found is not None
     off, then, lead = map(float, found.groups())
     assert off > 10.0
-    assert then < 1.0
+    assert then < 2.0
     assert 0.4 <= lead <= 0.8
     with_one = checked(written(tmp_path, "starts_centred", parameters=slow, lead_in=lead, name="led.yaml"))
     assert [one.sentence for one in with_one.findings if one.grade != "good"] == []
+
+
+def test_a_lead_in_that_the_file_does_not_name_is_found_and_written(tmp_path: Path) -> None:
+    slow = PARAMETERS | {"soft": 0.12}
+    car, said = led_in(read_simulator_car(written(tmp_path, "starts_centred", parameters=slow)))
+    assert said[0].endswith(f"lead_in: {car.simulator.lead_in:g}, which is used")
+    assert 0.4 <= car.simulator.lead_in <= 0.8
+    write_vehicle(tmp_path / "led.yaml", car)
+    assert read_simulator_car(tmp_path / "led.yaml").simulator.lead_in == car.simulator.lead_in
+    kept = read_simulator_car(written(tmp_path, "starts_centred", parameters=slow, lead_in=0.0, name="kept.yaml"))
+    same, warned = led_in(kept)
+    assert same is kept
+    assert "with lead_in: " in warned[0]
+    good = read_simulator_car(written(tmp_path, name="good.yaml"))
+    assert led_in(good) == (good, [])
+
+
+def test_modules_of_one_name_in_two_folders_are_two(tmp_path: Path) -> None:
+    for name in ("one", "two"):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "mine.py").write_text(f"def simulate(*_): return {name!r}\n")
+    assert [function_of("mine:simulate", str(tmp_path / name))() for name in ("one", "two", "one")] == [
+        "one", "two", "one",
+    ]  # fmt: skip
 
 
 def test_a_crash_and_a_hang_are_bounded_counted_and_named(tmp_path: Path) -> None:

@@ -15,7 +15,7 @@ from drift_drake.car.foreign.simulator import Simulator
 from drift_drake.common.errors import DriftDrakeError
 from drift_drake.common.worker_pool import Submit, WorkerEndedError, worker_processes
 
-CHUNK = 16  # roll-outs of a job for one worker, at most, where they are not a batch
+CHUNK, BATCH = 16, 1000  # roll-outs of a job for one worker at most, and of a batch
 SLACK = 2.0  # times the limits of a job's roll-outs, after which its worker is ended
 GIVEN_UP = 40  # workers that ended in roll-outs, from which on a simulator is given up
 SMOOTHED = 0.2  # weight of the newest cost
@@ -129,8 +129,9 @@ def roll_all(jobs: list[Job]) -> list[dict[str, np.ndarray]]:
     for k, job in enumerate(jobs):
         alike = (job.dt, job.shape[1], tuple(job.parameters.items()), len(job.held)) if job.batch else k
         together.setdefault(alike, []).append(k)
+    parts = -(-workers_here() // len(together))  # of a batch: large ones cost less
     waiting = [(members, part, _POOL.submit(part)) for members in together.values()
-               for part in _chunks(_joined([jobs[k] for k in members]))]  # fmt: skip
+               for part in _chunks(_joined([jobs[k] for k in members]), parts)]  # fmt: skip
     found: list[list[dict[str, np.ndarray]]] = [[] for _ in jobs]
     ended: dict[tuple[str, tuple[float, ...]], str] = {}
     for members, part, future in waiting:
@@ -163,31 +164,34 @@ def _answer(
     their parts."""
     count, rows = part.shape
     parameters = part.key, tuple(part.parameters.values())
-    for attempt in range(2):
-        if parameters in ended:
-            future.cancel()
-            break
+    lost = 0
+    while parameters not in ended:
         try:
             rolled = future.result(2.0 * STARTED + SLACK * part.limit * count)
+        except concurrent.futures.CancelledError:  # the pool was ended since another roll-out hung
+            future = _POOL.submit(part)
+            continue
         except TimeoutError:
             why = f"a roll-out took longer than {part.limit:g} s (limit:) and its process was ended"
             _POOL.end(at_once=True)
-        except (WorkerEndedError, concurrent.futures.CancelledError) as error:
-            why = f"its process ended in a roll-out ({error})" if isinstance(error, WorkerEndedError) else "broken off"
+        except WorkerEndedError as error:
+            why = f"its process ended in a roll-out ({error})"
         else:
             _POOL.note(part.key, count, rolled.seconds, rolled.failures)
             return rolled.outputs
         _POOL.lose(part.target)
-        if attempt == 0:
+        lost += 1
+        if lost == 1:
             future = _POOL.submit(part)
         else:
             ended[parameters] = why
+    future.cancel()
     _POOL.note(part.key, count, 0.0, (ended[parameters],) * count)
     return {name: np.full((count, rows), np.nan) for name in part.outputs}
 
 
-def _chunks(job: Job) -> list[Job]:
-    """A job in parts for the workers."""
+def _chunks(job: Job, parts: int) -> list[Job]:
+    """A job in parts for the workers, a batch in at least so many."""
     count, _ = job.shape
-    size = -(-count // workers_here()) if job.batch else CHUNK
+    size = min(-(-count // parts), BATCH) if job.batch else CHUNK
     return [job.part(slice(at, at + size)) for at in range(0, count, size)]

@@ -25,8 +25,9 @@ LARGEST_ERROR = 1e3
 
 
 class _Part(NamedTuple):
-    """Windows of one run with the same lead-in."""
+    """Windows of one run with the same lead-in, predicted by one car."""
 
+    car: int
     run: int
     at: Index  # indices of the run's windows
     lead: int  # rows
@@ -34,33 +35,34 @@ class _Part(NamedTuple):
 
 
 def simulated_errors(
-    runs: "Sequence[WindowedRun]", constants: SimulatorConstants, effects: Effects, horizons: int,
+    runs: "Sequence[WindowedRun]", cars: Sequence[tuple[SimulatorConstants, Effects]], horizons: int,
     wrenches: Sequence[Array],
-) -> list[Array]:  # fmt: skip
-    """Prediction errors [windows, horizons, 5] of each run; zero in channels that the simulator does not put out.
+) -> list[list[Array]]:  # fmt: skip
+    """Prediction errors [windows, horizons, 5] of each car and run; zero in channels that are not put out.
 
     Args:
-        wrenches: of each run, further force (F_x, F_y) [N] and yaw moment [N m] on the body [rows, 3], none with zero
-            rows.
+        cars: parameters of one simulator, and effects; wrenches: of each run, further force (F_x, F_y) [N] and yaw
+            moment [N m] on the body [rows, 3], none with zero rows.
 
     Raises:
         SimulatorError: the simulator cannot be run.
     """
-    simulator = constants.simulator
-    constants, effects = folded_into(constants, effects)
-    parts, jobs = [], []
-    for k, (run, wrench) in enumerate(zip(runs, wrenches, strict=True)):
-        if run.fed and "measured_speed" not in simulator.inputs:
-            raise SimulatorError(
-                f"{run.name}: has no tau_cmd, and the simulator no input measured_speed that would stand for it; log "
-                "the torque, or give the simulator such an input"
-            )
-        for part, job in _asked(k, run, constants, effects, horizons, wrench):
-            parts.append(part)
-            jobs.append(job)
-    out = [np.zeros((len(run.starts), horizons, len(CHANNELS))) for run in runs]
+    simulator, rest, parts, jobs = cars[0][0].simulator, list[Effects](), list[_Part](), list[Job]()
+    for i, car in enumerate(cars):
+        constants, effects = folded_into(*car)
+        rest.append(effects)
+        for k, (run, wrench) in enumerate(zip(runs, wrenches, strict=True)):
+            if run.fed and "measured_speed" not in simulator.inputs:
+                raise SimulatorError(
+                    f"{run.name}: has no tau_cmd, and the simulator no input measured_speed that would stand for it; "
+                    "log the torque, or give the simulator such an input"
+                )
+            for part, job in _asked((i, k), run, constants, effects, horizons, wrench):
+                parts.append(part)
+                jobs.append(job)
+    out = [[np.zeros((len(run.starts), horizons, len(CHANNELS))) for run in runs] for _ in cars]
     for part, got in zip(parts, roll_all(jobs), strict=True):
-        run = runs[part.run]
+        run, effects = runs[part.run], rest[part.car]
         steps = simulator.steps_in(run.period)
         motion = motion_of(simulator, got, run.period / steps)
         rows = part.lead + run.stride_rows * np.arange(horizons + 1)
@@ -72,7 +74,7 @@ def simulated_errors(
         there = np.array([simulator.gives(name) for name in CHANNELS])
         errors[..., ~there] = 0.0
         errors[..., ~run.used] = 0.0
-        out[part.run][part.at] = np.where(np.abs(errors) < LARGEST_ERROR, errors, LARGEST_ERROR)
+        out[part.car][part.run][part.at] = np.where(np.abs(errors) < LARGEST_ERROR, errors, LARGEST_ERROR)
     return out
 
 
@@ -83,9 +85,10 @@ def _started(simulator: Simulator, measured: Array, motion: Array) -> Array:
 
 
 def _asked(
-    index: int, run: "WindowedRun", constants: SimulatorConstants, effects: Effects, horizons: int, wrench: Array
-) -> list[tuple[_Part, Job]]:
-    """The roll-outs of one run, by the length of their lead-in (early windows have less of it)."""
+    of: tuple[int, int], run: "WindowedRun", constants: SimulatorConstants, effects: Effects, horizons: int,
+    wrench: Array,
+) -> list[tuple[_Part, Job]]:  # fmt: skip
+    """The roll-outs of one car and run, by the length of their lead-in (early windows have less of it)."""
     reading = run.read_with(effects)
     motion = np.stack([*unbiased(*(run.start_y[:, i] for i in range(4)), reading), run.start_y[:, 4]], axis=-1)
     signals = inputs_along((run.delta, run.tau), motion, run.period, constants, effects, run.bank, wrench)
@@ -95,5 +98,5 @@ def _asked(
         at = np.flatnonzero(leads == lead)
         rows = int(lead) + horizons * run.stride_rows
         job = job_along(constants, run.period, motion, signals, run.starts[at] - lead, int(lead), rows)
-        out.append((_Part(index, at, int(lead), motion[run.starts[at]]), job))
+        out.append((_Part(*of, at, int(lead), motion[run.starts[at]]), job))
     return out

@@ -44,6 +44,7 @@ MOST_STEPS = 32  # a row
 BOUNDS = (STEP, STEPS_PER_RATE, MOST_STEPS)
 FEW = 2  # windows, up to which one by one takes less than `LANES` at once
 TOGETHER = LANES  # cars that a thread takes on at a time
+ASKED = 16  # cars at once whose roll-outs a simulator of the user's is asked for
 THREADS = 2
 LARGEST_ERROR = 1e3  # of any channel, where a prediction diverges
 
@@ -149,8 +150,7 @@ def run_errors_of(
 ) -> np.ndarray:  # fmt: skip
     """The same [cars, windows, horizons, 5] of several cars of one kind."""
     if isinstance(cars[0][0], SimulatorConstants):
-        return np.stack([simulated_errors([run], c, q, horizons, [wrench])[0] for c, q in cars
-                         if isinstance(c, SimulatorConstants)])  # fmt: skip
+        return np.stack([found for (found,) in simulated_errors([run], simulated(cars), horizons, [wrench])])
     driven = [_driven(run, constants, effects, wrench) for constants, effects in cars]
     out = np.empty((len(cars), len(run.starts), horizons, len(PREDICTED)))
     if kind_of(cars[0][0]).STEPPED:
@@ -194,7 +194,8 @@ def errors(
 ) -> np.ndarray:
     """Prediction errors [windows of all runs, horizons, 5] under a car, at the first horizons."""
     if isinstance(constants, SimulatorConstants):
-        return np.concatenate(simulated_errors(runs, constants, effects, horizons, [NO_WRENCH] * len(runs)))
+        (found,) = simulated_errors(runs, [(constants, effects)], horizons, [NO_WRENCH] * len(runs))
+        return np.concatenate(found)
     return np.concatenate([run_errors(run, constants, effects, horizons) for run in runs])
 
 
@@ -213,12 +214,21 @@ def forecast_error(found: np.ndarray) -> float:
     return float(np.exp(np.mean(np.log(np.median(last, axis=0) + 1e-12))))
 
 
+def simulated(cars: Sequence[tuple[CarConstants, Effects]]) -> list[tuple[SimulatorConstants, Effects]]:
+    """Those that are of a simulator of the user's."""
+    return [(car, effects) for car, effects in cars if isinstance(car, SimulatorConstants)]
+
+
 def errors_of_all(
     runs: Sequence[WindowedRun], cars: Sequence[tuple[CarConstants, Effects]], threads: int = THREADS
 ) -> list[np.ndarray]:
     """The same for several cars of one kind at once."""
     if len(cars) == 1:
         return [errors(runs, *cars[0])]
+    if isinstance(cars[0][0], SimulatorConstants):
+        asked = [simulated(cars[first : first + ASKED]) for first in range(0, len(cars), ASKED)]
+        none = [NO_WRENCH] * len(runs)
+        return [np.concatenate(one) for part in asked for one in simulated_errors(runs, part, HORIZONS, none)]
     with ThreadPoolExecutor(threads) as pool:
         if not isinstance(cars[0][0], Constants):
             return list(pool.map(lambda car: errors(runs, *car), cars))

@@ -14,7 +14,7 @@ from drift_drake.car.foreign.rollouts import SimulatorError
 from drift_drake.car.log.table import Run
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.gap.estimation.effort import affordable, counted
-from drift_drake.gap.estimation.windows import WindowedRun, errors, windowed
+from drift_drake.gap.estimation.windows import WindowedRun, errors, errors_of_all, windowed
 from tests.car.foreign.bicycle import DATA, simulate, straight_on, written
 from tests.car.foreign.bicycle import PARAMETERS as PARAMETERS_OF_BICYCLE
 
@@ -122,6 +122,16 @@ def test_an_effect_does_to_a_simulator_what_it_does_to_the_equations(twin, runs,
     apart = np.sqrt(np.mean((ours - theirs) ** 2, axis=(0, 1)))
     assert np.max(size) > 0.0
     assert np.all(apart <= (0.002 if name in EXACT else 0.12) * size + 1e-5 * np.max(size) + 1e-7)
+
+
+def test_cars_that_are_asked_for_together_are_those_one_by_one(tmp_path: Path, runs) -> None:
+    """Those with the same parameters share their roll-outs' calls, whatever is done round them."""
+    car, _ = read_car(written(tmp_path))
+    effects = [make_effects({name: 0.05}) for name in ("steering_lag", "mass_error", "gyro_bias", "steering_delay")]
+    together = errors_of_all(runs, [(car.constants(), q) for q in effects])
+    for q, found in zip(effects, together, strict=True):
+        np.testing.assert_array_equal(found, errors(runs, car.constants(), q))
+    assert np.abs(together[0] - together[3]).max() > 1e-4
 
 
 def test_what_fails_is_the_largest_error_and_counted(tmp_path: Path, runs) -> None:

@@ -16,7 +16,7 @@ LEAST_WINDOWS = 100
 SLOW = 1e-3  # [s] of a roll-out, from where on derivatives are used at cars near by too
 SHOWN = 0.15  # share done from where on it is said how much is left
 PROBED = 8  # windows a worker, that a simulator's cost is taken from
-PROBED_AT_ONCE = 100  # the same where it answers many at once
+PROBED_AT_ONCE = 250  # the same where it answers many at once
 
 
 def affordable(constants: CarConstants, runs: Sequence[WindowedRun], most: int) -> int:
@@ -38,6 +38,11 @@ def affordable(constants: CarConstants, runs: Sequence[WindowedRun], most: int) 
         errors(thinned(runs, probed * workers_here()), constants, Effects())
     can = int(EVALUATION * workers_here() / max(cost_of(simulator).seconds, 1e-9))
     return min(most, max(can, LEAST_WINDOWS))
+
+
+def is_simulated(constants: CarConstants) -> bool:
+    """Whether a car is a simulator of the user's."""
+    return isinstance(constants, SimulatorConstants)
 
 
 def is_slow(constants: CarConstants) -> bool:

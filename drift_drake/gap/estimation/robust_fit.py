@@ -62,6 +62,7 @@ class _Criterion:
     unknowns: Sequence[Unknown]
     evidence: float
     near: float = 0.0  # units of the unknowns, within which derivatives are used again
+    difference: float = DIFFERENCE  # units of the unknowns, for derivatives
     known: list[tuple[np.ndarray, np.ndarray]] = dataclasses.field(default_factory=list)  # the last: where, and they
 
     @cached_property
@@ -93,7 +94,7 @@ class _Criterion:
         return self.known[0][1]
 
     def _derivatives(self, at: _At) -> np.ndarray:
-        steps = DIFFERENCE * np.array([u.unit for u in self.unknowns])
+        steps = self.difference * np.array([u.unit for u in self.unknowns])
         signs = np.where(at.theta + steps <= self.bounds[1], 1.0, -1.0)
         moved = [at.theta + np.where(np.arange(len(steps)) == i, signs * steps, 0.0) for i in range(len(steps))]
         columns = self.errors(*moved)
@@ -133,7 +134,7 @@ class _Criterion:
 
 def robust_fit(
     predicted: Predicted, unknowns: Sequence[Unknown], evidence: float, theta: np.ndarray | None = None,
-    widths: Sequence[float] = WIDTHS, near: float = 0.0,
+    widths: Sequence[float] = WIDTHS, near: float = 0.0, difference: float = DIFFERENCE,
 ) -> RobustFit:  # fmt: skip
     """Fits unknowns to all windows.
 
@@ -141,9 +142,10 @@ def robust_fit(
         predicted: errors [windows, HORIZONS, channels] of each of some cars, with these magnitudes of the unknowns;
         evidence: power, in (0, 1], that the criterion is raised to; theta: to start from, in place of the unknowns';
         widths: of the loss, the last of them where `theta` is near already;
-        near: units of the unknowns, within which derivatives are used again, where a prediction is costly.
+        near: units of the unknowns, within which derivatives are used again, where a prediction is costly;
+        difference: units of the unknowns that derivatives are taken over.
     """
-    criterion = _Criterion(predicted, unknowns, evidence, near)
+    criterion = _Criterion(predicted, unknowns, evidence, near, difference)
     theta = np.array([u.start for u in unknowns]) if theta is None else theta.copy()
     information = np.eye(len(theta))
     for width in widths:

@@ -17,6 +17,8 @@ from drift_drake.gap.estimation.baseline import Scatter, scatter_of
 from drift_drake.gap.estimation.normal import Normal
 from drift_drake.gap.estimation.prior import at_end, clipped, farther, range_of, tried_first
 from drift_drake.gap.estimation.scores import Day, summed
+from drift_drake.gap.estimation.unknowns import added
+from drift_drake.gap.estimation.windows import errors_of_all
 from drift_drake.gap.evidence.hypotheses import FOLLOWING, Hypothesis, concluded, effects_of
 from drift_drake.gap.evidence.left_over import LeftOver, left_over
 
@@ -25,6 +27,7 @@ REFINED, ROUNDS = 8, 3  # leading hypotheses whose magnitudes are predicted anew
 SEEDS, PARTNERS, PAIR_STEPS = 3, 4, 4  # singles that pairs are grown from, partners each, Gauss-Newton steps
 TINY = 1e-3  # of a unit, for differences
 SHARES = (0.0, 0.5, 1.0)  # of stiffness in proportion to the load that are tried
+AT_ONCE = 8  # effects whose curves are predicted together
 CLOSEST = 3  # effects that leave the least errors of all, which are candidates whatever their scores
 EXTENSIONS = 2  # of the reach of a leading hypothesis
 
@@ -59,10 +62,13 @@ class Search:
         part = 1.0 if kept is None else float(np.mean(kept))
         return summed(self.day, self.normal, e, kept) - part * self.scatter.mean
 
-    def tried(self, effects: Mapping[str, float]) -> tuple[np.ndarray, float]:
-        """Scores less their normal mean [m] once effects are added, and the mean capped square of the errors."""
-        e = self.day.errors_with(effects)
-        return self._scores(e), float(np.mean(self.normal.squares(e)))
+    def tried(self, *effects: Mapping[str, float]) -> list[tuple[np.ndarray, float]]:
+        """Scores less their normal mean [m] once each of some effects is added, and the mean capped square of the
+        errors."""
+        day = self.day
+        cars = [(day.constants, added(day.own, one)) for one in effects]
+        found = errors_of_all(day.runs, cars, self.threads)
+        return [(self._scores(e), float(np.mean(self.normal.squares(e)))) for e in found]
 
     def nats(self, scores: np.ndarray) -> np.ndarray:
         """Half the squared distance from normal of scores [..., m]."""
@@ -85,12 +91,12 @@ class Search:
         variants = [
             (name, follows) for name in self.ranges for follows in (SHARES if name in FOLLOWING else SHARES[:1])
         ]
+        curves = list[Curve]()
+        for first in range(0, len(variants), AT_ONCE):
+            curves += self._curves(variants[first : first + AT_ONCE], at_zero)
+            progress(len(curves) / len(variants))
+        ranked = sorted(curves, key=lambda curve: curve.best(self)[1])
         with ThreadPoolExecutor(self.threads) as pool:
-            curves = []
-            for done, curve in enumerate(pool.map(lambda v: self._curve(v[0], v[1], at_zero), variants)):
-                curves.append(curve)
-                progress((done + 1) / len(variants))
-            ranked = sorted(curves, key=lambda curve: curve.best(self)[1])
             refined = list(pool.map(lambda curve: curve.refined(self), ranked[:REFINED]))
         refined = [follow(self, curve) for curve in refined]
         self.curves = [*refined, *ranked[REFINED:]]
@@ -108,13 +114,18 @@ class Search:
         best = {curve.name: curve for curve in curves}  # the last of each name
         return [curve.start(self) for curve in list(best.values())[-CLOSEST:]]
 
-    def _curve(self, name: str, follows: float, at_zero: np.ndarray) -> "Curve":
-        curve = Curve(name, follows, [], [])
-        if name not in LIMITS:  # whose zero is no limit at all
-            curve = Curve(name, follows, [0.0], [at_zero])
-        for magnitude in sorted(set(tried_first(self.ranges[name]))):
-            curve = curve.with_point(self, float(magnitude))
-        return curve
+    def _curves(self, variants: Sequence[tuple[str, float]], at_zero: np.ndarray) -> list["Curve"]:
+        """Of effects, by name and share in proportion to the load, the magnitudes that a search begins with."""
+        # A limit of zero is no limit at all.
+        curves = [Curve(name, follows, *(([], []) if name in LIMITS else ([0.0], [at_zero])))
+                  for name, follows in variants]  # fmt: skip
+        asked = [(curve, q) for curve in curves for q in sorted({*map(float, tried_first(self.ranges[curve.name]))})]
+        asked = [(curve, q) for curve, q in asked if curve.lacks(q)]
+        found = self.tried(*(curve.effects(self, q) for curve, q in asked))
+        for i, curve in enumerate(curves):
+            for (of, q), one in zip(asked, found, strict=True):
+                curves[i] = curves[i].with_found(q, *one) if of is curve else curves[i]
+        return curves
 
     def pairs(self, singles: Sequence[Hypothesis], progress: Callable[[float], None]) -> list[Hypothesis]:
         """Pairs grown from the best singles, jointly fitted; best first."""
@@ -198,11 +209,22 @@ class Curve:
     scores: list[np.ndarray]
     misfits: Mapping[float, float] = dataclasses.field(default_factory=dict)  # mean squared errors by magnitude
 
+    def lacks(self, magnitude: float) -> bool:
+        """Whether a magnitude has not been predicted yet."""
+        return all(abs(magnitude - q) >= 1e-12 for q in self.magnitudes)
+
+    def effects(self, search: Search, magnitude: float) -> Mapping[str, float]:
+        """What the car has in addition."""
+        return effects_of((self.name,), np.array([magnitude]), self.follows, search.day)
+
     def with_point(self, search: Search, magnitude: float) -> "Curve":
         """The curve with one more magnitude predicted."""
-        if any(abs(magnitude - q) < 1e-12 for q in self.magnitudes):
+        if not self.lacks(magnitude):
             return self
-        s, misfit = search.tried(effects_of((self.name,), np.array([magnitude]), self.follows, search.day))
+        return self.with_found(magnitude, *search.tried(self.effects(search, magnitude))[0])
+
+    def with_found(self, magnitude: float, s: np.ndarray, misfit: float) -> "Curve":
+        """The curve with one more magnitude, its scores [m] and mean squared errors."""
         order = sorted(zip([*self.magnitudes, magnitude], [*self.scores, s], strict=True), key=lambda pair: pair[0])
         misfits = {**self.misfits, magnitude: misfit}
         return Curve(self.name, self.follows, [q for q, _ in order], [s for _, s in order], misfits)

@@ -33,8 +33,8 @@ class Linear:
     def scores(self, effects):
         return self.slope * (effects.get("mass_error", 0.0) - self.truth)
 
-    def tried(self, effects):
-        return self.scores(effects), effects.get("mass_error", 0.0) ** 2
+    def tried(self, *effects):
+        return [(self.scores(one), one.get("mass_error", 0.0) ** 2) for one in effects]
 
     def nats(self, scores):
         return 0.5 * np.sum(np.square(scores), axis=-1)

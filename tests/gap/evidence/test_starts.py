@@ -22,9 +22,9 @@ class Clipped:
         self.scatter = SimpleNamespace(inverse=np.eye(1))
         self.ranges = {"steering_delay": Range(0.02, 0.5, 0.02, (0.02, 0.5))}
 
-    def tried(self, effects):
-        far = abs(effects["steering_delay"] - TRUTH)
-        return np.array([5.0 + 20.0 * far if far < 0.2 else 1.0]), min(far, 0.3) ** 2
+    def tried(self, *effects):
+        far = [abs(one["steering_delay"] - TRUTH) for one in effects]
+        return [(np.array([5.0 + 20.0 * off if off < 0.2 else 1.0]), min(off, 0.3) ** 2) for off in far]
 
     def nats(self, scores):
         return 0.5 * np.sum(np.square(scores), axis=-1)

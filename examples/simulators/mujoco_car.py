@@ -127,15 +127,13 @@ def simulate(
 
     steer, half = between(inputs["steer"]), 0.5 * between(inputs["torque"])
     control = np.stack([steer, steer, half, half, *(between(inputs[name]) for name in ("F_x", "F_y", "M_z"))], axis=-1)
-    led, parts = int(np.argmin(inputs["lead_in"][0])), []
+    led, parts, data = int(np.argmin(inputs["lead_in"][0])), [], mujoco.MjData(model)
     for row in range(led + 1):  # row by row while it is led in, then to the end
         if led:
             follow(velocity, state[:, 4:8], [inputs[name][:, row] for name in ("led_v_x", "led_v_y", "led_r")],
                    parameters["h"] - parameters["R"])  # fmt: skip
         end = (row + 1) * fine if row < led else control.shape[1]
-        states, sensors = rollout.rollout(
-            model, mujoco.MjData(model), initial_state=state, control=control[:, row * fine : end]
-        )
+        states, sensors = rollout.rollout(model, data, initial_state=state, control=control[:, row * fine : end])
         state[:] = states[:, -1]
         parts.append(sensors)
     sensed = np.concatenate(parts, axis=1)[:, fine - 1 :: fine]  # a step's sensors are those of its begin

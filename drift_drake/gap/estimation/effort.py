@@ -9,11 +9,14 @@ from drift_drake.car.foreign.pool import cost_of, listening, workers_here
 from drift_drake.car.foreign.simulator import SimulatorConstants
 from drift_drake.common.errors import significant
 from drift_drake.common.standard_output import Progress
+from drift_drake.gap.estimation.unknowns import DIFFERENCE
 from drift_drake.gap.estimation.windows import WindowedRun, errors, thinned
 
 EVALUATION = 0.4  # [s] that the predictions of all windows by one car may take, about
 LEAST_WINDOWS = 100
 SLOW = 1e-3  # [s] of a roll-out, from where on derivatives are used at cars near by too
+NEAR = 0.2  # units of the unknowns, within which they are
+ROUGH = 0.1  # of a unit, for derivatives of a simulator, whose contacts and tolerances make small differences noise
 SHOWN = 0.15  # share done from where on it is said how much is left
 PROBED = 8  # windows a worker, that a simulator's cost is taken from
 PROBED_AT_ONCE = 250  # the same where it answers many at once
@@ -40,16 +43,17 @@ def affordable(constants: CarConstants, runs: Sequence[WindowedRun], most: int) 
     return min(most, max(can, LEAST_WINDOWS))
 
 
-def is_simulated(constants: CarConstants) -> bool:
-    """Whether a car is a simulator of the user's."""
-    return isinstance(constants, SimulatorConstants)
-
-
 def is_slow(constants: CarConstants) -> bool:
     """Whether predictions cost so much that derivatives are to be used longer."""
     if not isinstance(constants, SimulatorConstants):
         return False
     return bool(constants.simulator.windows) or cost_of(constants.simulator).seconds > SLOW
+
+
+def derivatives_of(constants: CarConstants) -> tuple[float, float]:
+    """Units of the unknowns within which derivatives are used again, and that they are taken over."""
+    rough = ROUGH if isinstance(constants, SimulatorConstants) else DIFFERENCE
+    return NEAR if is_slow(constants) else 0.0, rough
 
 
 @contextmanager

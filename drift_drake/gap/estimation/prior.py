@@ -16,6 +16,7 @@ NO_GAP = 1.5  # tolerances up to which such an effect is none: a deviation of a 
 TWO_SIDED = 1.96  # standard deviations
 SIGNED_GRID = (-1.0, -0.65, -0.4, -0.2, 0.2, 0.4, 0.65, 1.0)  # of the reach
 UNSIGNED_GRID = (0.1, 0.2, 0.35, 0.5, 0.7, 1.0)
+FEW_SIGNED, FEW_UNSIGNED = (-0.65, -0.2, 0.2, 0.65), (0.15, 0.5, 1.0)  # of a simulator whose roll-outs take long
 FARTHER = 2.0  # times the reach that is looked at where the most likely magnitude is at its end
 NEAR_END = 0.02  # of the reach
 SURE = 1.645  # standard deviations of a one-sided 95 %
@@ -115,9 +116,10 @@ def at_shares(r: Range, shares: Sequence[float]) -> list[float]:
     return [q * r.high if q > 0.0 else -q * r.low for q in shares]
 
 
-def tried_first(r: Range) -> list[float]:
-    """Magnitudes that a search begins with."""
-    return at_shares(r, SIGNED_GRID) if r.low < 0.0 else [max(q * r.high, r.least) for q in UNSIGNED_GRID]
+def tried_first(r: Range, few: bool = False) -> list[float]:
+    """Magnitudes that a search begins with; few: as each of them takes long."""
+    signed, unsigned = (FEW_SIGNED, FEW_UNSIGNED) if few else (SIGNED_GRID, UNSIGNED_GRID)
+    return at_shares(r, signed) if r.low < 0.0 else [max(q * r.high, r.least) for q in unsigned]
 
 
 def at_end(q: float, r: Range) -> bool:

@@ -14,6 +14,7 @@ import numpy as np
 from drift_drake.car.effects.catalogue import LIMITS
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.gap.estimation.baseline import Scatter, scatter_of
+from drift_drake.gap.estimation.effort import is_slow
 from drift_drake.gap.estimation.normal import Normal
 from drift_drake.gap.estimation.prior import at_end, clipped, farther, range_of, tried_first
 from drift_drake.gap.estimation.scores import Day, summed
@@ -119,7 +120,8 @@ class Search:
         # A limit of zero is no limit at all.
         curves = [Curve(name, follows, *(([], []) if name in LIMITS else ([0.0], [at_zero])))
                   for name, follows in variants]  # fmt: skip
-        asked = [(curve, q) for curve in curves for q in sorted({*map(float, tried_first(self.ranges[curve.name]))})]
+        few = is_slow(self.day.constants)
+        asked = [(curve, float(q)) for curve in curves for q in sorted({*tried_first(self.ranges[curve.name], few)})]
         asked = [(curve, q) for curve, q in asked if curve.lacks(q)]
         found = self.tried(*(curve.effects(self, q) for curve, q in asked))
         for i, curve in enumerate(curves):

@@ -12,23 +12,14 @@ from drift_drake.car.equations import CarConstants, kind_of
 from drift_drake.car.parameters import CarParameters, VehicleParameters
 from drift_drake.common.standard_output import Progress
 from drift_drake.gap.estimation.baseline import left_of
-from drift_drake.gap.estimation.effort import affordable, is_simulated, is_slow, remarks
+from drift_drake.gap.estimation.effort import affordable, derivatives_of, remarks
 from drift_drake.gap.estimation.learn_normal import Learnt, learn_normal
 from drift_drake.gap.estimation.normal import Normal
 from drift_drake.gap.estimation.prior import TWO_SIDED
 from drift_drake.gap.estimation.reduction import STATES
 from drift_drake.gap.estimation.robust_fit import WIDTHS, RobustFit, robust_fit
 from drift_drake.gap.estimation.scores import Day, between_recordings, block_of, make_day, units
-from drift_drake.gap.estimation.unknowns import (
-    DIFFERENCE,
-    FIELDS,
-    Unknown,
-    deviations_of,
-    folded,
-    magnitudes,
-    unknown,
-    with_found,
-)
+from drift_drake.gap.estimation.unknowns import FIELDS, Unknown, deviations_of, folded, magnitudes, unknown, with_found
 from drift_drake.gap.estimation.windows import HORIZONS, WindowedRun, errors, errors_of_all, forecast_error, thinned
 from drift_drake.gap.evidence.left_out import asked_in_turn
 from drift_drake.gap.evidence.posterior import NONE
@@ -41,8 +32,6 @@ from drift_drake.gap.identification.outlook import Outlook, outlook
 
 EVIDENCE = 0.02  # power of the criterion: overlapping windows, misfit that goes on for seconds
 MOST_WINDOWS, MOST_JUDGED = 450, 4000  # that a fit takes in, and that it is judged by, evenly chosen
-NEAR = 0.2  # units of the unknowns, within which a slow simulator's derivatives are used again
-ROUGH = 0.1  # of a unit, for derivatives of a simulator, whose contacts and tolerances make small differences noise
 MOST_LEARNT = 6000  # the same of the baseline: twenty minutes of a full-size car's logs
 FOLDS, HELD_OUT = 4, 1.5  # one block [s] of so many is held out
 LEAST_WINDOWS = 10  # on either side
@@ -145,8 +134,7 @@ def fit_by_prediction(
     ) -> RobustFit:
         widths = WIDTHS if start is None else WIDTHS[1:]
         predicted = partial(predicted_with, some, constants, effects)
-        near, difference = NEAR if is_slow(constants) else 0.0, ROUGH if is_simulated(constants) else DIFFERENCE
-        return robust_fit(predicted, unknowns, EVIDENCE, start, widths, near, difference)
+        return robust_fit(predicted, unknowns, EVIDENCE, start, widths, *derivatives_of(constants))
 
     def furthest(fit: RobustFit) -> float:
         return forecast_error(predicted_with(judged, constants, effects, [magnitudes(fit.names, fit.theta)])[0])

@@ -43,6 +43,8 @@ def test_width_is_of_all_that_is_allowed():
             assert r.low <= value <= r.high
     assert tried_first(UNSIGNED) == pytest.approx([0.15, 0.3, 0.525, 0.75, 1.05, 1.5])
     assert tried_first(SIGNED) == pytest.approx([-3.0, -1.95, -1.2, -0.6, 0.3, 0.6, 0.975, 1.5])
+    assert tried_first(SIGNED, few=True) == pytest.approx([-1.95, -0.6, 0.3, 0.975])
+    assert tried_first(UNSIGNED, few=True) == pytest.approx([0.225, 0.75, 1.5])
 
 
 def test_a_magnitude_is_clipped_to_the_nearest_gap():

@@ -45,7 +45,7 @@ def job_along(
     steps = constants.simulator.steps_in(period)
     at = np.arange(steps * rows + 1)
     grid = (steps * begin)[:, None] + at
-    inputs = {name: values[grid] for name, values in signals.items()}
+    inputs = {name: values[grid] for name, values in signals.items() if name in constants.simulator.inputs}
     inputs[LEAD_IN] = np.broadcast_to(np.where(at < steps * lead, 1.0, 0.0), grid.shape)
     held = between(motion, begin[:, None] + at[: steps * lead + 1] / steps) if lead else None
     return job_of(constants, period / steps, motion[begin], inputs, held)

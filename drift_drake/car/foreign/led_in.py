@@ -71,16 +71,17 @@ class Needed(NamedTuple):
 
 
 def lead_in_needed(car: SimulatorCar) -> Needed:
-    """What a lead-in would do for predictions; the simulator's own where that is enough. NaN where roll-outs fail."""
+    """What a lead-in would do for predictions; the simulator's own where it is enough, NaN where roll-outs fail."""
     own, usual = car.simulator.lead_in, trial_of(car.single_track())
     woven = weave(car.constants(), usual.speed, usual.steering, 0.5 * usual.torque)
     off = put_off(woven, [own])[own]
-    if off < OFF:
+    if not off >= OFF:
         return Needed(off, own, off)
-    others = put_off(woven, [lead for lead in LEADS if lead != own])
-    enough = [lead for lead, share in others.items() if share < OFF]
-    best = min(enough) if enough else min(others, key=lambda lead: others[lead])
-    return Needed(off, best, others[best])
+    tried = put_off(woven, [lead for lead in LEADS if lead != own])
+    shares = {own: off} | {lead: share for lead, share in tried.items() if math.isfinite(share)}
+    enough = [lead for lead, share in shares.items() if share < OFF]
+    best = min(enough) if enough else min(shares, key=lambda lead: shares[lead])
+    return Needed(off, best, shares[best])
 
 
 def led_in(car: SimulatorCar) -> tuple[SimulatorCar, list[str]]:

@@ -129,7 +129,7 @@ def roll_all(jobs: list[Job]) -> list[dict[str, np.ndarray]]:
     for k, job in enumerate(jobs):
         alike = (job.dt, job.shape[1], tuple(job.parameters.items()), len(job.held)) if job.batch else k
         together.setdefault(alike, []).append(k)
-    parts = -(-workers_here() // len(together))  # of a batch: large ones cost less
+    parts = -(-workers_here() // max(len(together), 1))  # of a batch: large ones cost less
     waiting = [(members, part, _POOL.submit(part)) for members in together.values()
                for part in _chunks(_joined([jobs[k] for k in members]), parts)]  # fmt: skip
     found: list[list[dict[str, np.ndarray]]] = [[] for _ in jobs]

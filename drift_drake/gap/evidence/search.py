@@ -121,12 +121,11 @@ class Search:
         curves = [Curve(name, follows, *(([], []) if name in LIMITS else ([0.0], [at_zero])))
                   for name, follows in variants]  # fmt: skip
         few = is_slow(self.day.constants)
-        asked = [(curve, float(q)) for curve in curves for q in sorted({*tried_first(self.ranges[curve.name], few)})]
-        asked = [(curve, q) for curve, q in asked if curve.lacks(q)]
-        found = self.tried(*(curve.effects(self, q) for curve, q in asked))
-        for i, curve in enumerate(curves):
-            for (of, q), one in zip(asked, found, strict=True):
-                curves[i] = curves[i].with_found(q, *one) if of is curve else curves[i]
+        asked = [(i, float(q)) for i, curve in enumerate(curves)
+                 for q in sorted({*tried_first(self.ranges[curve.name], few)}) if curve.lacks(q)]  # fmt: skip
+        found = self.tried(*(curves[i].effects(self, q) for i, q in asked))
+        for (i, q), one in zip(asked, found, strict=True):
+            curves[i] = curves[i].with_found(q, *one)
         return curves
 
     def pairs(self, singles: Sequence[Hypothesis], progress: Callable[[float], None]) -> list[Hypothesis]:

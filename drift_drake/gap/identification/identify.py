@@ -101,9 +101,6 @@ def calibrate(runs: Sequence[Run], asked: Asked, progress: Progress | None = Non
     vehicle, first = asked.vehicle, first_of_kind(asked.first, asked.kind)
     runs, kept = split(runs, asked.validation)
     runs, _, warnings = admit(runs, first)
-    if isinstance(first, SimulatorCar):
-        first, said = led_in(first)
-        warnings += said
     asked = dataclasses.replace(asked, judged=for_validation(kept, first))
     warnings += [
         f"effect {name}: calibrated anyway, as a parameter of the vehicle file" for name in asked.names if name in OWN
@@ -111,6 +108,9 @@ def calibrate(runs: Sequence[Run], asked: Asked, progress: Progress | None = Non
     driving = driving_of(runs, vehicle)
     if driving.gentle and not asked.force:
         raise InvalidLogError(driving.too_gentle(case))
+    if isinstance(first, SimulatorCar):
+        first, said = led_in(first)
+        warnings += said
     found_unseen = tuple(name for name in driving.unseen if driving.gentle or name not in known)
     names, by_drives = tuple(name for name in asked.names if name not in OWN), asked.unseen is None
     asked = dataclasses.replace(asked, first=first, names=names, unseen=found_unseen if by_drives else asked.unseen)

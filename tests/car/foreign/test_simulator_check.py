@@ -10,7 +10,7 @@ import pytest
 from drift_drake.car.car_file import read_car, read_simulator_car
 from drift_drake.car.foreign.check import check_simulator
 from drift_drake.car.foreign.led_in import led_in
-from drift_drake.car.foreign.pool import cost_of, end_workers
+from drift_drake.car.foreign.pool import cost_of, end_workers, roll_all
 from drift_drake.car.foreign.rollouts import SimulatorError, function_of
 from drift_drake.car.foreign.simulator_car import SimulatorCar
 from drift_drake.car.vehicle_file import write_vehicle
@@ -96,6 +96,12 @@ def test_a_lead_in_that_the_file_does_not_name_is_found_and_written(tmp_path: Pa
     assert "with lead_in: " in warned[0]
     good = read_simulator_car(written(tmp_path, name="good.yaml"))
     assert led_in(good) == (good, [])
+
+
+def test_where_roll_outs_fail_no_lead_in_is_named(tmp_path: Path) -> None:
+    car = read_simulator_car(written(tmp_path, "not_finite"))
+    assert led_in(car) == (car, [])
+    assert roll_all([]) == []
 
 
 def test_modules_of_one_name_in_two_folders_are_two(tmp_path: Path) -> None:

@@ -13,7 +13,7 @@ from drift_drake.car.foreign.pool import cost_of, end_workers
 from drift_drake.car.foreign.rollouts import SimulatorError
 from drift_drake.car.log.table import Run
 from drift_drake.car.parameters import VehicleParameters
-from drift_drake.gap.estimation.effort import affordable, counted
+from drift_drake.gap.estimation.effort import affordable, counted, derivatives_of
 from drift_drake.gap.estimation.windows import WindowedRun, errors, errors_of_all, windowed
 from tests.car.foreign.bicycle import DATA, simulate, straight_on, written
 from tests.car.foreign.bicycle import PARAMETERS as PARAMETERS_OF_BICYCLE
@@ -132,6 +132,12 @@ def test_cars_that_are_asked_for_together_are_those_one_by_one(tmp_path: Path, r
     for q, found in zip(effects, together, strict=True):
         np.testing.assert_array_equal(found, errors(runs, car.constants(), q))
     assert np.abs(together[0] - together[3]).max() > 1e-4
+
+
+def test_derivatives_of_a_simulator_are_taken_over_ten_times_as_much(tmp_path: Path) -> None:
+    car, _ = read_car(written(tmp_path, windows=100))  # which makes it slow
+    assert derivatives_of(car.constants()) == (0.2, 0.1)
+    assert derivatives_of(VehicleParameters().constants()) == (0.0, 0.01)
 
 
 def test_what_fails_is_the_largest_error_and_counted(tmp_path: Path, runs) -> None:

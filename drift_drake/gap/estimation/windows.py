@@ -220,20 +220,21 @@ def simulated(cars: Sequence[tuple[CarConstants, Effects]]) -> list[tuple[Simula
 
 
 def errors_of_all(
-    runs: Sequence[WindowedRun], cars: Sequence[tuple[CarConstants, Effects]], threads: int = THREADS
-) -> list[np.ndarray]:
+    runs: Sequence[WindowedRun], cars: Sequence[tuple[CarConstants, Effects]], threads: int = THREADS,
+    horizons: int = HORIZONS,
+) -> list[np.ndarray]:  # fmt: skip
     """The same for several cars of one kind at once."""
     if len(cars) == 1:
-        return [errors(runs, *cars[0])]
+        return [errors(runs, cars[0][0], cars[0][1], horizons)]
     if isinstance(cars[0][0], SimulatorConstants):
         asked = [simulated(cars[first : first + ASKED]) for first in range(0, len(cars), ASKED)]
         none = [NO_WRENCH] * len(runs)
-        return [np.concatenate(one) for part in asked for one in simulated_errors(runs, part, HORIZONS, none)]
+        return [np.concatenate(one) for part in asked for one in simulated_errors(runs, part, horizons, none)]
     with ThreadPoolExecutor(threads) as pool:
         if not isinstance(cars[0][0], Constants):
-            return list(pool.map(lambda car: errors(runs, *car), cars))
+            return list(pool.map(lambda car: errors(runs, car[0], car[1], horizons), cars))
         some = [cars[first : first + TOGETHER] for first in range(0, len(cars), TOGETHER)]
-        found = pool.map(lambda part: np.concatenate([run_errors_of(run, part) for run in runs], axis=1), some)
+        found = pool.map(lambda part: np.concatenate([run_errors_of(run, part, horizons) for run in runs], 1), some)
         return [e for part in found for e in part]
 
 

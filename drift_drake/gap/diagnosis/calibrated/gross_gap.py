@@ -10,16 +10,18 @@ from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
-from scipy.optimize import minimize
 from scipy.special import expit, logsumexp
 
 from drift_drake.car.effects.catalogue import LIMITS
 from drift_drake.gap.diagnosis.calibrated.changed_car import judged
 from drift_drake.gap.diagnosis.calibrated.posterior import tells_from_zero
+from drift_drake.gap.estimation.effort import is_slow
 from drift_drake.gap.estimation.prior import at_end, at_shares, clipped, farther, tried_first
 from drift_drake.gap.estimation.reduction import FOLDS, NOTHING_REMOVED, Reduction, reduction_of
 from drift_drake.gap.estimation.scores import Day
-from drift_drake.gap.evidence.constants import ELSE
+from drift_drake.gap.estimation.unknowns import added
+from drift_drake.gap.estimation.windows import errors_of_all
+from drift_drake.gap.evidence.constants import ELSE, SECOND
 from drift_drake.gap.evidence.hypotheses import Hypothesis, concluded, effects_of
 from drift_drake.gap.evidence.posterior import UNKNOWN, PosteriorConstants, hypothesis_name
 from drift_drake.gap.evidence.ranking import DayRanked, concluded_from, prior
@@ -28,18 +30,34 @@ from drift_drake.gap.evidence.search import EXTENSIONS, Search
 FAR = 100.0  # mean square of a window, in scales, at which it counts half of what a diverged one does (Geman-McClure)
 PER_BLOCK = 4.0  # independent errors in a block of time
 SEEDS, PARTNERS = 4, 4  # singles that pairs are grown from, partners each that are fitted jointly
-PARTNER_GRID = (-0.8, -0.4, 0.4, 0.8)  # of the reach, for the partner of a single
-EVALUATIONS, SPREAD = 60, 0.3  # of a joint fit, and its first simplex, of the reach
-STEP = 0.05  # of the reach, for second derivatives
-MOST_WINDOWS = 200  # evenly chosen
+PARTNER_GRID, FEW = (
+    (-0.8, -0.4, 0.4, 0.8),
+    (-0.6, 0.6),
+)  # of the reach, for the partner of a single; of a slow simulator
+STEPS, SHARES, ENOUGH = 6, (1.0, 0.5, 0.2), 0.05  # of Gauss and Newton, shares of one, nats that one has to gain
+STEP = 0.05  # of the reach, for derivatives
+MOST_WINDOWS, FEWEST = 200, 60  # evenly chosen; of a slow simulator
 
 Kept = np.ndarray | None
+Named = tuple[Sequence[str], Sequence[float] | np.ndarray]  # effects and their magnitudes
 
 
-def misfits(search: Search, e: np.ndarray) -> np.ndarray:
-    """Saturating misfit [windows] of errors [windows, horizons, channels], at the first horizon."""
+def predicted(search: Search, *hypotheses: Named) -> list[np.ndarray]:
+    """Errors [windows, channels that are used] at the first horizon, in scales, once each of some is added."""
+    day = search.day
+    cars = [(day.constants, added(day.own, effects_of(names, np.asarray(q), 0.0, day))) for names, q in hypotheses]
+    return [in_scales(search, e) for e in errors_of_all(day.runs, cars, search.threads, 1)]
+
+
+def in_scales(search: Search, e: np.ndarray) -> np.ndarray:
+    """Of errors [windows, horizons, channels] those at the first horizon that are used, in scales."""
     used = np.all([run.used for run in search.day.runs], axis=0)
-    squares = np.mean((e[:, 0] / search.normal.scales[0])[:, used] ** 2, axis=1)
+    return np.asarray((e[:, 0] / search.normal.scales[0])[:, used])
+
+
+def misfits(e: np.ndarray) -> np.ndarray:
+    """Saturating misfit [windows] of errors [windows, channels] in scales."""
+    squares = np.mean(e**2, axis=1)
     return np.asarray(squares / (1.0 + squares / FAR))
 
 
@@ -48,26 +66,46 @@ def nats(search: Search, misfit: float) -> float:
     return 0.5 * PER_BLOCK * search.day.blocks * float(np.log(max(misfit, 1e-12)))
 
 
-def mean_misfit(search: Search, names: Sequence[str], q: Sequence[float] | np.ndarray, kept: Kept = None) -> float:
-    """Mean misfit once effects are added, over the windows that are kept [windows] (bool)."""
-    of = misfits(search, search.day.errors_with(effects_of(names, np.asarray(q), 0.0, search.day), 1))
-    return float(np.mean(of if kept is None else of[kept]))
+def least_nats(search: Search) -> float:
+    """The same of a car whose errors are those of the day of calibration: no hypothesis may leave fewer."""
+    used = np.all([run.used for run in search.day.runs], axis=0)
+    return nats(search, float(np.mean(search.normal.level[0][used])))
+
+
+def mean_misfits(search: Search, *hypotheses: Named) -> list[float]:
+    """Mean misfit once each of some hypotheses is added."""
+    return [float(np.mean(misfits(e))) for e in predicted(search, *hypotheses)]
 
 
 def fitted(search: Search, names: Sequence[str], start: Sequence[float] | np.ndarray, kept: Kept = None) -> np.ndarray:
-    """Magnitudes [k] of the least misfit near a start."""
+    """Magnitudes [k] of the least misfit near a start, over the windows that are kept [windows] (bool).
+
+    Gauss and Newton's method, windows weighted by the misfit's slope.
+    """
     ranges = [search.ranges[name] for name in names]
-    reach = np.array([r.high for r in ranges])
-
-    def cost(x: np.ndarray) -> float:
-        return mean_misfit(search, names, [clipped(float(u), r) for u, r in zip(x * reach, ranges, strict=True)], kept)
-
-    at = np.array(start) / reach
-    inwards = np.where(at > 0.5 * (np.array([r.low for r in ranges]) / reach + 1.0), -1.0, 1.0)
-    simplex = np.vstack([at, at + SPREAD * np.diag(inwards)])
-    found = minimize(cost, at, method="Nelder-Mead", options={
-        "maxfev": EVALUATIONS, "xatol": 1e-2, "fatol": 1e-2, "initial_simplex": simplex})  # fmt: skip
-    return np.array([clipped(float(u), r) for u, r in zip(found.x * reach, ranges, strict=True)])
+    highs = np.array([r.high for r in ranges])
+    part = np.full(len(search.day.errors), True) if kept is None else kept
+    q = np.array([clipped(float(x), r) for x, r in zip(start, ranges, strict=True)])
+    (e,) = predicted(search, (names, q))
+    for _ in range(STEPS):
+        steps = np.where(q + STEP * highs <= highs, STEP, -STEP) * highs
+        moved = predicted(search, *((names, x) for x in q + np.diag(steps)))
+        slopes = np.stack([other - e for other in moved], axis=-1)[part] / steps
+        weights = 1.0 / (1.0 + np.mean(e[part] ** 2, axis=1) / FAR) ** 2
+        hessian = np.einsum("w,wci,wcj->ij", weights, slopes, slopes)
+        hessian += 1e-9 * np.diag(np.diag(hessian)) + 1e-300 * np.eye(len(q))
+        step = -np.linalg.solve(hessian, np.einsum("w,wci,wc->i", weights, slopes, e[part]))
+        trials = [np.array([clipped(float(x), r) for x, r in zip(q + share * step, ranges, strict=True)])
+                  for share in SHARES]  # fmt: skip
+        after = predicted(search, *((names, trial) for trial in trials))
+        at = [nats(search, float(np.mean(misfits(other[part])))) for other in (e, *after)]
+        best = int(np.argmin(at))
+        if best == 0:
+            break
+        q, e = trials[best - 1], after[best - 1]
+        if at[0] - at[best] < ENOUGH:
+            break
+    return q
 
 
 def hypothesis(search: Search, names: Sequence[str], q: np.ndarray) -> Hypothesis:
@@ -76,17 +114,14 @@ def hypothesis(search: Search, names: Sequence[str], q: np.ndarray) -> Hypothesi
     names, q = tuple(names[i] for i in order), q[order]
     ranges = [search.ranges[name] for name in names]
     steps = np.array([STEP * r.high for r in ranges])
-    k = len(q)
-
-    def at(*shifts: float) -> float:
-        return nats(search, mean_misfit(search, names, q + np.array(shifts) * steps))
-
-    middle, unit = at(*np.zeros(k)), np.eye(k)
-    ups, downs = [at(*row) for row in unit], [at(*-row) for row in unit]
+    k, unit = len(q), np.eye(len(q))
+    around = np.vstack([np.zeros(k), unit, -unit, np.ones(k), -np.ones(k)])
+    middle, *rest = (nats(search, misfit) for misfit in mean_misfits(search, *((names, q + x * steps) for x in around)))
+    ups, downs, both = rest[:k], rest[k : 2 * k], rest[2 * k :]
     # At a bound, or where it is not convex, the steps themselves are what is known.
     hessian = np.diag([max(up + down - 2.0 * middle, 0.1) for up, down in zip(ups, downs, strict=True)])
     if k == 2:
-        mixed = 0.5 * (at(1.0, 1.0) + at(-1.0, -1.0) - ups[0] - ups[1] - downs[0] - downs[1] + 2.0 * middle)
+        mixed = 0.5 * (sum(both) - sum(ups) - sum(downs) + 2.0 * middle)
         largest = 0.9 * float(np.sqrt(hessian[0, 0] * hessian[1, 1]))
         hessian[0, 1] = hessian[1, 0] = float(np.clip(mixed, -largest, largest))
     covariance = np.linalg.inv(hessian) * np.outer(steps, steps)
@@ -102,15 +137,20 @@ def judged_by_errors(
     ends of their ranges, those are widened; `search.ranges` of the leading causes are those that were looked at.
     Whether something else is there too is asked of the scores at the car with the leading one in it, as of any gap.
     """
-    whole, search = search, search.on(fewer_windows(search.day, MOST_WINDOWS))
+    whole, search = (
+        search,
+        search.on(fewer_windows(search.day, FEWEST if is_slow(search.day.constants) else MOST_WINDOWS)),
+    )
     singles, starts = grown_singles(search, lambda share: progress(0.5 * share))
     for _ in range(EXTENSIONS):
         if not widened_at_ends(search, sorted(singles, key=lambda h: h.nats)[:SEEDS]):
             break
         singles, starts = grown_singles(search, lambda share: progress(0.5 * share))
-    pairs = followed(search, grown_pairs(search, starts, lambda share: progress(0.5 + 0.3 * share)))
+    pairs = list[Hypothesis]()
+    if min(h.nats for h in singles) - least_nats(search) > SECOND:
+        pairs = followed(search, grown_pairs(search, starts, lambda share: progress(0.5 + 0.3 * share)))
     none = search.none()
-    level = nats(search, mean_misfit(search, (), ()))
+    level = nats(search, float(np.mean(misfits(in_scales(search, search.day.errors)))))
     known = [h for h in (*singles, *pairs) if tells_from_zero(h)]
     known.append(dataclasses.replace(none, nats=level, log_evidence=-level))
     values = {hypothesis_name(h.names): h.log_evidence + prior(h, len(search.ranges), constants) for h in known}
@@ -165,19 +205,14 @@ def grown_singles(
     search: Search, progress: Callable[[float], None]
 ) -> tuple[list[Hypothesis], dict[str, tuple[float, float]]]:
     """The best single effects, and of every one the best magnitude of a grid with its misfit, best first."""
-
-    def start_of(name: str) -> tuple[float, float]:
-        r = search.ranges[name]
-        tried = [(clipped(q, r), mean_misfit(search, [name], [clipped(q, r)])) for q in tried_first(r)]
-        return min(tried, key=lambda item: item[1])
-
-    names = list(search.ranges)
     starts = {}
+    for done, (name, r) in enumerate(search.ranges.items()):
+        tried = sorted({clipped(q, r) for q in tried_first(r, is_slow(search.day.constants))})
+        misfit, q = min(zip(mean_misfits(search, *(((name,), (q,)) for q in tried)), tried, strict=True))
+        starts[name] = q, misfit
+        progress((done + 1) / len(search.ranges))
+    best = dict(sorted(starts.items(), key=lambda item: item[1][1]))
     with ThreadPoolExecutor(search.threads) as pool:
-        for done, (name, start) in enumerate(zip(names, pool.map(start_of, names), strict=True)):
-            starts[name] = start
-            progress((done + 1) / len(names))
-        best = dict(sorted(starts.items(), key=lambda item: item[1][1]))
         leading = list(best)[: 2 * SEEDS]
         out = list(pool.map(lambda name: hypothesis(search, [name], fitted(search, [name], [best[name][0]])), leading))
     return out, best
@@ -188,27 +223,19 @@ def grown_pairs(
 ) -> list[Hypothesis]:
     """Pairs of the best singles with the partners that remove most in addition, jointly fitted."""
 
-    def partners(seed: str) -> list[tuple[float, str, float]]:
-        tried = []
-        for other in (name for name in starts if name != seed):
-            r = search.ranges[other]
-            shares = PARTNER_GRID if r.low < 0.0 else tuple(q for q in PARTNER_GRID if q > 0.0)
-            tried += [(mean_misfit(search, [seed, other], [starts[seed][0], q]), other, q)
-                      for q in (clipped(q, r) for q in at_shares(r, shares))]  # fmt: skip
-        best = {
-            other: (misfit, other, q) for misfit, other, q in sorted(tried, reverse=True)
-        }  # the last of each counts
-        return sorted(best.values())[:PARTNERS]
-
     def fit(job: tuple[tuple[str, ...], list[float]]) -> Hypothesis:
         return hypothesis(search, job[0], fitted(search, *job))
 
-    seeds, jobs, out = list(starts)[:SEEDS], dict[tuple[str, ...], list[float]](), []
+    shares, jobs, out = FEW if is_slow(search.day.constants) else PARTNER_GRID, dict[tuple[str, ...], list[float]](), []
+    for seed in list(starts)[:SEEDS]:
+        tried = [(other, clipped(q, r)) for other, r in search.ranges.items() if other != seed
+                 for q in at_shares(r, [q for q in shares if q > 0.0 or r.low < 0.0])]  # fmt: skip
+        left = mean_misfits(search, *(((seed, other), (starts[seed][0], q)) for other, q in tried))
+        best = {other: (misfit, other, q) for misfit, (other, q) in sorted(zip(left, tried, strict=True), reverse=True)}
+        for _, other, q in sorted(best.values())[:PARTNERS]:  # the least of each, as the last counts
+            if (other, seed) not in jobs:
+                jobs[seed, other] = [starts[seed][0], q]
     with ThreadPoolExecutor(search.threads) as pool:
-        for seed, tried in zip(seeds, pool.map(partners, seeds), strict=True):
-            for _, other, q in tried:
-                if (other, seed) not in jobs:
-                    jobs[seed, other] = [starts[seed][0], q]
         for done, h in enumerate(pool.map(fit, jobs.items())):
             out.append(h)
             progress((done + 1) / len(jobs))
@@ -227,11 +254,11 @@ def held_out_reduction(search: Search, h: Hypothesis) -> Reduction:
     day = search.day
     if not h.names:
         return NOTHING_REMOVED
-    before, after = misfits(search, day.errors), misfits(search, day.errors_with(h.effects(day), 1))
+    before, after = (misfits(e) for e in (in_scales(search, day.errors), *predicted(search, (h.names, h.magnitudes))))
     for fold in range(FOLDS):
         held = day.block % FOLDS == fold
         if np.any(held) and np.any(~held):
             q = fitted(search, h.names, h.magnitudes, ~held)
-            after[held] = misfits(search, day.errors_with(effects_of(h.names, q, 0.0, day), 1))[held]
+            after[held] = misfits(predicted(search, (h.names, q))[0])[held]
     parts = [part[:, None, None] for part in (before, after, np.zeros_like(before))]
     return reduction_of(parts, day.block, (), day.ahead[:1], 0)

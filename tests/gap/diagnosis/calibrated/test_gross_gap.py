@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from drift_drake.gap.diagnosis.calibrated import gross_gap
-from drift_drake.gap.diagnosis.calibrated.gross_gap import FAR, fewer_windows, judged_by_errors, mean_misfit, misfits
+from drift_drake.gap.diagnosis.calibrated.gross_gap import FAR, fewer_windows, judged_by_errors, mean_misfits, misfits
 from drift_drake.gap.diagnosis.calibrated.posterior import interval
 from drift_drake.gap.evidence.constants import PRIORS
 from drift_drake.gap.evidence.hypotheses import Hypothesis
@@ -52,10 +52,10 @@ def test_a_cause_that_leaves_scores_far_from_normal_comes_with_something_else(la
 
 
 def test_no_error_counts_more_than_a_diverged_one(late_day):
-    e = late_day.search.day.errors
-    assert np.all(misfits(late_day.search, 1e6 * e) <= FAR)
-    small = misfits(late_day.search, 1e-3 * e)
-    np.testing.assert_allclose(misfits(late_day.search, 2e-3 * e), 4.0 * small, rtol=1e-3)
+    e = gross_gap.in_scales(late_day.search, late_day.search.day.errors)
+    assert np.all(misfits(1e6 * e) <= FAR)
+    small = misfits(1e-3 * e)
+    np.testing.assert_allclose(misfits(2e-3 * e), 4.0 * small, rtol=1e-3)
 
 
 def test_fewer_windows_are_those_of_the_day(late_day):
@@ -70,15 +70,39 @@ def test_a_fit_stays_within_its_range_and_is_no_worse_than_its_start(late_day):
     names = ("mass_error", "steering_delay")
     q = gross_gap.fitted(search, names, (0.1, 0.05))
     assert all(search.ranges[n].low <= x <= search.ranges[n].high for n, x in zip(names, q, strict=True))
-    assert mean_misfit(search, names, q) <= mean_misfit(search, names, (0.1, 0.05))
+    fit, start, *around = mean_misfits(
+        search, (names, q), (names, (0.1, 0.05)), *((names, q + x) for x in 0.02 * np.vstack([np.eye(2), -np.eye(2)]))
+    )
+    assert fit <= start
+    assert fit <= min(around)
+
+
+def test_a_fit_to_some_windows_is_theirs(late_day):
+    search = late_day.search.on(fewer_windows(late_day.search.day, 40))
+    kept = search.day.block % 2 == 0
+    ours, whole = (gross_gap.fitted(search, ["steering_delay"], [0.03], part) for part in (kept, None))
+    other = search.on(search.day.kept(kept))
+    assert ours == pytest.approx(gross_gap.fitted(other, ["steering_delay"], [0.03]), abs=2e-3)
+    assert whole == pytest.approx(0.08, abs=0.02)
+
+
+def test_pairs_are_not_asked_for_where_one_cause_leaves_what_is_normal(late_day, monkeypatch):
+    def never(*_):
+        raise AssertionError
+
+    monkeypatch.setattr(gross_gap, "grown_pairs", never)
+    assert judged_by_errors(late_day.search, PRIORS, lambda _: None)[0].leading.names == ("steering_delay",)
+    monkeypatch.setattr(gross_gap, "SECOND", 0.0)
+    with pytest.raises(AssertionError):
+        judged_by_errors(late_day.search, PRIORS, lambda _: None)
 
 
 def test_the_covariance_is_the_inverse_of_the_second_derivatives(late_day, monkeypatch):
     """Of a quadratic, to the bit of what differences give."""
     search, hessian = late_day.search, np.array([[4000.0, 300.0], [300.0, 500.0]])
     middle = np.array([0.05, -0.1])
-    bowl = lambda _s, _n, q, _k=None: 0.5 * (q - middle) @ hessian @ (q - middle)  # noqa: E731
-    monkeypatch.setattr(gross_gap, "mean_misfit", bowl)
+    bowl = lambda _s, *named: [0.5 * (q - middle) @ hessian @ (q - middle) for _, q in named]  # noqa: E731
+    monkeypatch.setattr(gross_gap, "mean_misfits", bowl)
     monkeypatch.setattr(gross_gap, "nats", lambda _s, value: value)
     ranges = search.ranges
     wide = {name: dataclasses.replace(ranges[name], low=-2.0, high=2.0) for name in ("gyro_bias", "mass_error")}

@@ -6,6 +6,7 @@ and what acts in all of the driving is lost among them.
 
 import numpy as np
 
+from drift_drake.common.errors import significant
 from drift_drake.gap.diagnosis.calibrated.changed_car import changed_car
 from drift_drake.gap.estimation.lost_blocks import as_often, lost_blocks, transitions
 from drift_drake.gap.estimation.scores import block_scores
@@ -16,6 +17,7 @@ from drift_drake.gap.evidence.search import Search
 
 MOST = 0.2  # share of the blocks of time that a gap may be held by, to be one of a few seconds
 HELD = 0.7  # share of the gap that they hold then; both were set on a van whose wheel locks (validation)
+FEW = 2  # stretches of a run that are said one by one
 USUAL = (
     "no prediction follows the car in {}, as in about as much of its baseline: it is judged by the rest of its driving"
 )
@@ -49,12 +51,20 @@ def without(search: Search, odd: np.ndarray) -> Search:
 
 
 def stretches_in_words(search: Search, odd: np.ndarray) -> str:
-    """Runs and times [s] of blocks, in words."""
+    """Runs and times [s] of blocks, in words; of a run with many stretches, how much of it they are."""
     day, out = search.day, []
     for k, run in enumerate(day.runs):
-        times = run.starts[odd[day.block[day.run == k]]] * run.period
-        if len(times):
-            out.append(f"{run.name} between {times.min():.1f} and {times.max() + run.horizons[-1]:.1f} s")
+        blocks = np.unique(day.block[day.run == k])
+        starts = [run.starts[day.block[day.run == k] == block] * run.period for block in blocks]
+        ends = [(float(at.min()), float(at.max()) + run.horizons[-1]) for at in starts]
+        numbers = np.flatnonzero(odd[blocks])
+        pieces = np.split(numbers, np.flatnonzero(np.diff(numbers) > 1) + 1)
+        times = [(ends[piece[0]][0], ends[piece[-1]][1]) for piece in pieces if len(piece)]
+        if len(times) > FEW:
+            out.append(f"{run.name} for {significant(sum(end - start for start, end in times), 2)} s here and there")
+        elif times:
+            words = [f"between {start:.1f} and {end:.1f} s" for start, end in times]
+            out.append(f"{run.name} {' and '.join(words)}")
     return ", ".join(out)
 
 

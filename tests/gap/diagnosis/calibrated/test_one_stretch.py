@@ -43,6 +43,19 @@ def test_seconds_that_hold_a_gap_are_found(odd_search):
     assert "," not in words
 
 
+def test_stretches_are_said_one_by_one_or_how_much_of_a_run_they_are(search):
+    """Each window of the first run is a block of its own; starts are two strides apart."""
+    run = search.day.runs[0]
+    finer = search.on(dataclasses.replace(search.day, block=np.arange(len(search.day.block))))
+    at = lambda i: run.starts[i] * run.period  # noqa: E731
+    said = lambda *which: stretches_in_words(finer, np.isin(np.arange(finer.day.blocks), which))  # noqa: E731
+    first = f"between {at(0):.1f} and {at(1) + 0.5:.1f} s"
+    assert said(0, 1) == f"{run.name} {first}"
+    assert said(0, 1, 4) == f"{run.name} {first} and between {at(4):.1f} and {at(4) + 0.5:.1f} s"
+    assert said(0, 2, 6) == f"{run.name} for 1.5 s here and there"
+    assert said() == ""
+
+
 def test_what_acts_in_all_of_the_driving_is_not_of_a_few_seconds(late_day):
     assert not np.any(odd_blocks(late_day.search, late_day.search.none()))
 

@@ -1,10 +1,11 @@
-"""Days of logs from a simulator of the user's, each with one hidden change or none: it is judged against itself.
+"""Days of logs from a simulator of the user's, each with one hidden change, none, or a fault that the catalogue lacks.
 
     python -m experiments.simulators.days OUT --simulator examples/simulators/four_wheels.yaml --seed 1 --smooth 8
 
-Its parameters are first moved by some tolerances: that is the true car, and the simulator file the first guess. The
-folders are those of `experiments.other_worlds.days`; `python -m experiments.simulators.judge` judges them. Commands
-are those of a driver in the single-track car of the simulator file: open loop, the same whatever the simulator.
+It is judged against itself. Its parameters are first moved by some tolerances: that is the true car, and the simulator
+file the first guess. The folders are those of `experiments.other_worlds.days`; `python -m experiments.simulators.judge`
+judges them. Commands are those of a driver in the single-track car of the simulator file: open loop, the same whatever
+the simulator.
 """
 
 import dataclasses
@@ -33,6 +34,7 @@ from drift_drake.common.run_folder import write_json, write_versions
 from experiments.benchmarks.compiled_cases import NOISE
 from experiments.other_worlds.days import EITHER_SIGN, RANGE
 from experiments.other_worlds.drivers import DAY_ONE, OTHER, ScaledDriver
+from experiments.other_worlds.strange_faults import STRANGE, strange_day
 
 PERIOD, SUBSTEPS = 0.01, 5  # [s] of a row, and the driver's car's steps in it
 HIDDEN = ("mass_error", "friction_level", "front_stiffness_error", "yaw_inertia_error", "cg_shift", "steering_lag",
@@ -59,6 +61,8 @@ class SimulatorDays:
     """Sensors low-passed without lag at so many Hz; 0: not."""
     none: int = 4
     """Days without an effect."""
+    strange: int = 0
+    """Days with a strange fault that the catalogue lacks, in the order of `strange_faults.STRANGE`, and over again."""
     effort: float = 1.0
     """Share of the steering and of the torque of a full-size car's driver."""
     duration: float = 12.0
@@ -147,14 +151,21 @@ def main(config: SimulatorDays) -> None:
         hidden = {name: round(sign * float(rng.uniform(*RANGE[name])), 4)} if name else {}
         days.append((f"d{i:02d}", hidden, OTHER if i % 2 else DAY_ONE))
     labels: dict[str, Any] = {}
-    for code, hidden, kinds in tqdm(days, unit="day"):
+    plain = len(days)
+    days += [(f"d{plain - 1 + i:02d}", {}, OTHER if i % 2 else DAY_ONE) for i in range(config.strange)]
+    for number, (code, hidden, kinds) in enumerate(tqdm(days, unit="day")):
+        made = [make_run(car, make_effects(hidden), kind, rng, f"run_{i}", config) for i, kind in enumerate(kinds)]
+        runs = [run for run in made if run is not None]
+        label: dict[str, Any] = {"effects": hidden, "strange": None}
+        if number >= plain:
+            strange = list(STRANGE)[(number - plain) % len(STRANGE)]
+            runs, magnitude = strange_day(runs, strange, car.single_track(), rng)
+            label |= {"strange": strange, "strange_magnitude": magnitude}
         (out / code).mkdir(exist_ok=True)
-        for i, kind in enumerate(kinds):
-            run = make_run(car, make_effects(hidden), kind, rng, f"run_{i}", config)
-            if run is not None:
-                write_run(run, out / code / f"{run.name}.csv")
+        for run in runs:
+            write_run(run, out / code / f"{run.name}.csv")
         if code != "day_one":
-            labels[code] = {"effects": hidden, "strange": None, "drives": "other" if kinds == OTHER else "day one's"}
+            labels[code] = label | {"drives": "other" if kinds == OTHER else "day one's"}
             write_json(out / "labels.json", labels)
     end_workers()
 

@@ -20,8 +20,8 @@ from experiments.made import tabulated
 from experiments.other_worlds.jobs import Ask, Calibrate, answer_of, ask, calibrate, done_once, failure_path
 from experiments.other_worlds.scoring import Row, share
 
-COLUMNS = ("simulator", "errors of the first guess's", "effects named", "none said", "intervals hold", "ms a roll-out",
-           "s a calibration", "s a day")  # fmt: skip
+COLUMNS = ("simulator", "errors of the first guess's", "effects named", "none said", "strange faults: unknown",
+           "wrongly sure", "intervals hold", "ms a roll-out", "s a calibration", "s a day")  # fmt: skip
 
 
 @dataclasses.dataclass(frozen=True)
@@ -43,8 +43,8 @@ def judged(world: Path, out: Path, workers: int) -> tuple[dict[str, Any], list[R
     labels = json.loads((world / "labels.json").read_text())
     days = [Ask(world / code, job.folder, job.folder / "answers" / f"{code}.json") for code in labels]
     done_once(workers, ask, days, "day")
-    rows = [Row(world.name, world.name, code, label["effects"], answer_of(day.out), drives=label["drives"])
-            for (code, label), day in zip(labels.items(), days, strict=True)]  # fmt: skip
+    rows = [Row(world.name, world.name, code, label["effects"], answer_of(day.out), label["strange"],
+                drives=label["drives"]) for (code, label), day in zip(labels.items(), days, strict=True)]  # fmt: skip
     found = json.loads((job.out if job.out.exists() else failure_path(job.out)).read_text())
     return found, rows
 
@@ -63,7 +63,9 @@ def row_of(name: str, calibration: dict[str, Any], rows: list[Row]) -> list[str]
     seconds = [row.answer["seconds"] for row in rows if "seconds" in row.answer]
     return [
         name, f"{calibration['held_out']['ratio']:.2f}", said_share([row.right for row in rows if row.effects]),
-        said_share([row.right for row in rows if not row.effects]),
+        said_share([row.right for row in rows if not row.effects and not row.strange]),
+        said_share([row.right for row in rows if row.strange]),
+        said_share([row.sure_alone for row in rows if row.strange]),
         said_share([held for row in rows for held in row.covered]), cost[0] if cost else "-",
         f"{calibration['seconds']:.0f}", f"{np.median(seconds):.0f}" if seconds else "-",
     ]  # fmt: skip
@@ -77,8 +79,8 @@ def main(config: Judge) -> None:
         calibration, rows = judged(world, config.out, config.workers)
         worlds.append(row_of(world.name, calibration, rows))
         every += rows
-    details = [(row.world, f"{row.case} ({row.drives})", row.effects or "none", f"{row.said} {row.probability:.2f}",
-                "right" if row.right else "wrong") for row in every]  # fmt: skip
+    details = [(row.world, f"{row.case} ({row.drives})", row.strange or row.effects or "none",
+                f"{row.said} {row.probability:.2f}", "right" if row.right else "wrong") for row in every]  # fmt: skip
     lines = tabulated(COLUMNS, worlds)
     text = "\n".join([*lines, "", *tabulated(("simulator", "day", "hidden", "said", ""), details)])
     write_text(config.out / "judged.md", text + "\n")

@@ -55,7 +55,7 @@ class _At:
 
 
 @dataclasses.dataclass(frozen=True)
-class _Criterion:
+class Criterion:
     """What a fit minimises: losses of all windows' errors, raised to a power, and priors."""
 
     predicted: Predicted
@@ -117,6 +117,8 @@ class _Criterion:
             better, damping = None, max(damping / 5.0, 1e-6)
             while better is None and damping < 1e3:
                 moved = at.theta + bounded_step(hessian, gradient, at.theta, *self.bounds, damping)
+                if np.all(moved == at.theta):
+                    break
                 trial = self.at(moved, scales, width)
                 better = trial if trial.cost < at.cost else None
                 damping *= 1.0 if better else 10.0
@@ -145,7 +147,7 @@ def robust_fit(
         near: units of the unknowns, within which derivatives are used again, where a prediction is costly;
         difference: units of the unknowns that derivatives are taken over.
     """
-    criterion = _Criterion(predicted, unknowns, evidence, near, difference)
+    criterion = Criterion(predicted, unknowns, evidence, near, difference)
     theta = np.array([u.start for u in unknowns]) if theta is None else theta.copy()
     information = np.eye(len(theta))
     for width in widths:

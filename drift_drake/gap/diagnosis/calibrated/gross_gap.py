@@ -15,12 +15,13 @@ from scipy.special import expit, logsumexp
 from drift_drake.car.effects.catalogue import LIMITS
 from drift_drake.gap.diagnosis.calibrated.changed_car import judged
 from drift_drake.gap.diagnosis.calibrated.posterior import tells_from_zero
-from drift_drake.gap.estimation.effort import is_slow
+from drift_drake.gap.estimation.effort import derivatives_of, is_slow
 from drift_drake.gap.estimation.prior import at_end, at_shares, clipped, farther, tried_first
 from drift_drake.gap.estimation.reduction import FOLDS, NOTHING_REMOVED, Reduction, reduction_of
+from drift_drake.gap.estimation.robust_fit import Criterion, loss
 from drift_drake.gap.estimation.scores import Day
-from drift_drake.gap.estimation.unknowns import added
-from drift_drake.gap.estimation.windows import errors_of_all
+from drift_drake.gap.estimation.unknowns import Unknown, added
+from drift_drake.gap.estimation.windows import HORIZONS, errors_of_all
 from drift_drake.gap.evidence.constants import ELSE, SECOND
 from drift_drake.gap.evidence.hypotheses import Hypothesis, concluded, effects_of
 from drift_drake.gap.evidence.posterior import UNKNOWN, PosteriorConstants, hypothesis_name
@@ -34,7 +35,6 @@ PARTNER_GRID, FEW = (
     (-0.8, -0.4, 0.4, 0.8),
     (-0.6, 0.6),
 )  # of the reach, for the partner of a single; of a slow simulator
-STEPS, SHARES, ENOUGH = 6, (1.0, 0.5, 0.2), 0.05  # of Gauss and Newton, shares of one, nats that one has to gain
 STEP = 0.05  # of the reach, for derivatives
 MOST_WINDOWS, FEWEST = 200, 60  # evenly chosen; of a slow simulator
 
@@ -57,8 +57,7 @@ def in_scales(search: Search, e: np.ndarray) -> np.ndarray:
 
 def misfits(e: np.ndarray) -> np.ndarray:
     """Saturating misfit [windows] of errors [windows, channels] in scales."""
-    squares = np.mean(e**2, axis=1)
-    return np.asarray(squares / (1.0 + squares / FAR))
+    return loss(np.mean(e**2, axis=1), FAR)[0]
 
 
 def nats(search: Search, misfit: float) -> float:
@@ -78,34 +77,23 @@ def mean_misfits(search: Search, *hypotheses: Named) -> list[float]:
 
 
 def fitted(search: Search, names: Sequence[str], start: Sequence[float] | np.ndarray, kept: Kept = None) -> np.ndarray:
-    """Magnitudes [k] of the least misfit near a start, over the windows that are kept [windows] (bool).
-
-    Gauss and Newton's method, windows weighted by the misfit's slope.
-    """
+    """Magnitudes [k] of the least misfit near a start, over the windows that are kept [windows] (bool)."""
     ranges = [search.ranges[name] for name in names]
-    highs = np.array([r.high for r in ranges])
     part = np.full(len(search.day.errors), True) if kept is None else kept
-    q = np.array([clipped(float(x), r) for x, r in zip(start, ranges, strict=True)])
-    (e,) = predicted(search, (names, q))
-    for _ in range(STEPS):
-        steps = np.where(q + STEP * highs <= highs, STEP, -STEP) * highs
-        moved = predicted(search, *((names, x) for x in q + np.diag(steps)))
-        slopes = np.stack([other - e for other in moved], axis=-1)[part] / steps
-        weights = 1.0 / (1.0 + np.mean(e[part] ** 2, axis=1) / FAR) ** 2
-        hessian = np.einsum("w,wci,wcj->ij", weights, slopes, slopes)
-        hessian += 1e-9 * np.diag(np.diag(hessian)) + 1e-300 * np.eye(len(q))
-        step = -np.linalg.solve(hessian, np.einsum("w,wci,wc->i", weights, slopes, e[part]))
-        trials = [np.array([clipped(float(x), r) for x, r in zip(q + share * step, ranges, strict=True)])
-                  for share in SHARES]  # fmt: skip
-        after = predicted(search, *((names, trial) for trial in trials))
-        at = [nats(search, float(np.mean(misfits(other[part])))) for other in (e, *after)]
-        best = int(np.argmin(at))
-        if best == 0:
-            break
-        q, e = trials[best - 1], after[best - 1]
-        if at[0] - at[best] < ENOUGH:
-            break
-    return q
+
+    def errors_with(cars: Sequence[Mapping[str, float]]) -> list[np.ndarray]:
+        return [e[part, :, None] for e in predicted(search, *((list(car), list(car.values())) for car in cars))]
+
+    unknowns = [Unknown(name, r.high, np.inf, r.low, r.high, 0.0) for name, r in zip(names, ranges, strict=True)]
+    now = in_scales(search, search.day.errors)[part]
+    evidence = PER_BLOCK * search.day.blocks / (HORIZONS * float(np.sum(misfits(now))))  # a cost in nats, about
+    criterion = Criterion(errors_with, unknowns, evidence, derivatives_of(search.day.constants)[0], STEP)
+    first, ones = (
+        np.array([clipped(float(x), r) for x, r in zip(start, ranges, strict=True)]),
+        np.ones((now.shape[1], 1)),
+    )
+    found, _ = criterion.minimised(criterion.at(first, ones, FAR), ones, FAR)
+    return np.array([clipped(float(x), r) for x, r in zip(found.theta, ranges, strict=True)])
 
 
 def hypothesis(search: Search, names: Sequence[str], q: np.ndarray) -> Hypothesis:

@@ -73,7 +73,7 @@ class _Trial:
     def __init__(self, car: SimulatorCar) -> None:
         self.car, self.simulator, self.constants = car, car.simulator, car.constants()
         about = car.single_track()
-        self.speed, self.steering, self.torque = trial_of(about)
+        _, self.speed, self.steering, self.torque = trial_of(about)
         self.force = BODY * about.mass * about.gravity
 
     @cached_property

@@ -21,11 +21,11 @@ from drift_drake.car.foreign.simulator_car import SimulatorCar
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.common.arrays import Array
 
-ROW = 0.01  # [s]
-LEADS = (0.0, 0.2, 0.4, 0.8, 1.2)  # [s] that are tried
+ROW = 0.01  # [s], of a car with a wheelbase of a metre or more; a small one moves faster (Froude's scaling)
+LEADS = (0, 20, 40, 80, 120)  # rows that are tried
 AHEAD = np.arange(10, 51, 10)  # rows from a start to what is compared: the horizons of a prediction
 STARTS, APART = 8, 8  # how many, rows from one to the next
-WEAVES = 1.2  # [Hz]
+WEAVES = 0.012  # a row
 OFF = 0.02  # of what a prediction says to change, from where on unset states are worth a longer lead-in
 SPEED = 2.5  # sqrt(g wheelbase), that a trial begins at: 12.7 m/s of a full-size car
 TURN, THRUST = 2.0, 1.5  # [m/s^2] that a trial's steering and torque would make
@@ -35,6 +35,7 @@ COMPARED = [CHANNELS.index(name) for name in ("r", "beta")]
 class Trial(NamedTuple):
     """What a car of this size is tried with."""
 
+    row: float  # [s]
     speed: float  # [m/s]
     steering: float  # [rad]
     torque: float  # of the engine [N m]
@@ -45,7 +46,8 @@ def trial_of(about: VehicleParameters) -> Trial:
     base = about.front_axle_distance + about.rear_axle_distance
     speed = SPEED * math.sqrt(about.gravity * base)
     steering = min(TURN * base / speed**2, 0.5 * about.steering_limit)
-    return Trial(speed, steering, THRUST * about.mass * about.wheel_radius / about.gear_ratio)
+    row = ROW * min(math.sqrt(base), 1.0)
+    return Trial(row, speed, steering, THRUST * about.mass * about.wheel_radius / about.gear_ratio)
 
 
 class Needed(NamedTuple):
@@ -73,11 +75,11 @@ class Needed(NamedTuple):
 def lead_in_needed(car: SimulatorCar) -> Needed:
     """What a lead-in would do for predictions; the simulator's own where it is enough, NaN where roll-outs fail."""
     own, usual = car.simulator.lead_in, trial_of(car.single_track())
-    woven = weave(car.constants(), usual.speed, usual.steering, 0.5 * usual.torque)
+    woven = weave(car.constants(), usual._replace(torque=0.5 * usual.torque))
     off = put_off(woven, [own])[own]
     if not off >= OFF:
         return Needed(off, own, off)
-    tried = put_off(woven, [lead for lead in LEADS if lead != own])
+    tried = put_off(woven, [lead for rows in LEADS if (lead := float(f"{rows * usual.row:.2g}")) != own])
     shares = {own: off} | {lead: share for lead, share in tried.items() if math.isfinite(share)}
     enough = [lead for lead, share in shares.items() if share < OFF]
     best = min(enough) if enough else min(shares, key=lambda lead: shares[lead])
@@ -99,38 +101,35 @@ class Weave(NamedTuple):
     """A simulator that weaves: its motion [rows, 5], and its inputs along that."""
 
     constants: SimulatorConstants
+    row: float  # [s]
     motion: Array
     inputs: dict[str, Array]
 
 
-def weave(constants: SimulatorConstants, speed: float, steering: float, torque: float) -> Weave:
-    """The motion to start anew in.
-
-    Args:
-        speed: [m/s] to begin at; steering: amplitude [rad]; torque: of the engine [N m].
-    """
-    s, q = constants.simulator, Effects()
-    longest = max(*LEADS, s.lead_in)
-    rows = round(longest / ROW) + STARTS * APART + AHEAD[-1] + 1
-    commands = steering * np.sin(2.0 * np.pi * WEAVES * ROW * np.arange(rows)), np.full(rows, torque)
-    straight = np.tile([0.0, speed, 0.0, speed, 0.0], (rows, 1))
-    inputs, dt = inputs_along(commands, straight, ROW, constants, q), ROW / s.steps_in(ROW)
+def weave(constants: SimulatorConstants, tried: Trial) -> Weave:
+    """The motion to start anew in; tried: where it begins, amplitude of the steering, steady torque."""
+    s, q, row = constants.simulator, Effects(), tried.row
+    longest = max(*LEADS, round(s.lead_in / row))
+    rows = longest + STARTS * APART + AHEAD[-1] + 1
+    commands = tried.steering * np.sin(2.0 * np.pi * WEAVES * np.arange(rows)), np.full(rows, tried.torque)
+    straight = np.tile([0.0, tried.speed, 0.0, tried.speed, 0.0], (rows, 1))
+    inputs, dt = inputs_along(commands, straight, row, constants, q), row / s.steps_in(row)
     (got,) = roll_all([job_of(constants, dt, straight[:1], {name: values[None] for name, values in inputs.items()})])
-    motion = motion_of(s, got, dt)[0, :: s.steps_in(ROW)]
+    motion = motion_of(s, got, dt)[0, :: s.steps_in(row)]
     motion = np.where([s.gives(name) for name in CHANNELS], motion, motion[:, [0, 1, 2, 1, 4]])  # a rim as the car
-    return Weave(constants, motion, inputs_along(commands, motion, ROW, constants, q))
+    return Weave(constants, row, motion, inputs_along(commands, motion, row, constants, q))
 
 
-def put_off(woven: Weave, leads: Sequence[float] = LEADS) -> dict[float, float]:
-    """By lead-in [s]: error of how r and beta change within half a second (the larger), as a share of that change."""
-    s, motion = woven.constants.simulator, woven.motion
+def put_off(woven: Weave, leads: Sequence[float]) -> dict[float, float]:
+    """By lead-in [s]: error of how r and beta change within 50 rows (the larger), as a share of that change."""
+    s, row, motion = woven.constants.simulator, woven.row, woven.motion
     begin = len(motion) - 1 - AHEAD[-1] - APART * np.arange(STARTS)
     true = motion[begin[:, None] + AHEAD] - motion[begin][:, None]
-    rows = [round(lead / ROW) for lead in leads]
-    jobs = [job_along(woven.constants, ROW, motion, woven.inputs, begin - n, n, n + AHEAD[-1]) for n in rows]
+    rows = [round(lead / row) for lead in leads]
+    jobs = [job_along(woven.constants, row, motion, woven.inputs, begin - n, n, n + AHEAD[-1]) for n in rows]
     out = {}
     for lead, n, got in zip(leads, rows, roll_all(jobs), strict=True):
-        found = motion_of(s, got, ROW / s.steps_in(ROW))[:, :: s.steps_in(ROW)]
+        found = motion_of(s, got, row / s.steps_in(row))[:, :: s.steps_in(row)]
         wrong = found[:, n + AHEAD] - found[:, [n]] - true
         shares = np.mean(wrong**2, axis=(0, 1)) / (np.mean(true**2, axis=(0, 1)) + 1e-12)
         out[lead] = float(np.sqrt(np.max(shares[COMPARED])))

@@ -158,6 +158,10 @@ class _Python:
         return self._function(dict(start), dict(inputs), dt, dict(parameters))  # type: ignore[no-any-return]
 
 
+_FOLDERS = set[str]()  # of simulators of this process
+HOUSE = __name__.partition(".")[0]  # this package, which no folder replaces
+
+
 @lru_cache(maxsize=8)
 def function_of(target: str, folder: str) -> Callable[..., Any]:
     """The function `module:name`, its module found in a folder too.
@@ -166,12 +170,7 @@ def function_of(target: str, folder: str) -> Callable[..., Any]:
         SimulatorError: there is none; names what is missing and the remedy.
     """
     module, _, name = target.partition(":")
-    if folder not in sys.path:
-        sys.path.insert(0, folder)
-    own = Path(folder, *module.split(".")).with_suffix(".py")
-    if own.is_file() and module in sys.modules and own != Path(getattr(sys.modules[module], "__file__", None) or ""):
-        sys.path.insert(0, folder)  # another folder's module of this name was imported before
-        del sys.modules[module]
+    _look_first_in(folder, module.partition(".")[0])
     try:
         found = getattr(importlib.import_module(module), name, None)
     except Exception as error:
@@ -184,6 +183,24 @@ def function_of(target: str, folder: str) -> Callable[..., Any]:
     if not callable(found):
         raise SimulatorError(f"{target}: the module {module} has no function {name}; name one of its functions")
     return found  # type: ignore[no-any-return]
+
+
+def _look_first_in(folder: str, package: str) -> None:
+    """Has modules imported from a folder; those of its names that other simulators' folders gave are forgotten.
+
+    Args:
+        package: of the simulator, which is forgotten wherever it was imported from, if the folder has it.
+    """
+    _FOLDERS.add(folder)
+    sys.path[:] = [folder, *(path for path in sys.path if path != folder)]
+    others = _FOLDERS - {folder}
+    names = {path.stem for path in Path(folder).glob("*") if path.suffix == ".py" or path.is_dir()} - {HOUSE}
+    for name, module in list(sys.modules.items()):
+        top, file = name.partition(".")[0], Path(getattr(module, "__file__", None) or folder)
+        elsewhere = top in names and not file.is_relative_to(folder)
+        if elsewhere and (top == package or any(file.is_relative_to(other) for other in others)):
+            del sys.modules[name]
+    importlib.invalidate_caches()
 
 
 @contextlib.contextmanager

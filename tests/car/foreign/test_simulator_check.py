@@ -2,14 +2,16 @@
 
 import json
 import re
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+import yaml
 
 from drift_drake.car.car_file import read_car, read_simulator_car
 from drift_drake.car.foreign.check import check_simulator
-from drift_drake.car.foreign.led_in import led_in
+from drift_drake.car.foreign.led_in import lead_in_needed, led_in
 from drift_drake.car.foreign.pool import cost_of, end_workers, roll_all
 from drift_drake.car.foreign.rollouts import SimulatorError, function_of
 from drift_drake.car.foreign.simulator_car import SimulatorCar
@@ -83,6 +85,25 @@ def test_states_that_a_start_cannot_set_ask_for_a_lead_in(tmp_path: Path) -> Non
     assert [one.sentence for one in with_one.findings if one.grade != "good"] == []
 
 
+def test_a_small_car_asks_for_a_lead_in_as_much_shorter_as_it_moves_faster(tmp_path: Path) -> None:
+    """Froude's scaling to a wheelbase of 0.1 m, of which a metre is the full size: times by the root of 0.1."""
+    share, length, mass = 0.1**0.5, 0.1 / 2.5, 3.0 / PARAMETERS["m"]
+    small = PARAMETERS | {"m": 3.0, "lf": 1.2 * length, "lr": 1.3 * length, "J": 2200.0 * mass * length**2}
+    small |= {name: PARAMETERS[name] * mass for name in ("cf", "cr", "jw")} | {"soft": 0.12 * share}
+    data = yaml.safe_load(written(tmp_path, "starts_centred", parameters=small).read_text())
+    of = {"mass": "m", "yaw_inertia": "J", "front_axle_distance": "lf", "rear_axle_distance": "lr",
+          "front_stiffness": "cf", "rear_stiffness": "cr", "rear_axle_inertia": "jw"}  # fmt: skip
+    data["car"] |= {field: small[name] for field, name in of.items()} | {"torque_min": -1.0, "torque_max": 1.0}
+    (tmp_path / "small.yaml").write_text(yaml.safe_dump(data))
+    large = lead_in_needed(
+        read_simulator_car(written(tmp_path, "starts_centred", parameters=PARAMETERS | {"soft": 0.12}))
+    )
+    found = lead_in_needed(read_simulator_car(tmp_path / "small.yaml"))
+    assert found.helps
+    assert found.lead_in == pytest.approx(share * large.lead_in, rel=0.05)
+    assert found.lead_in < 0.5 * large.lead_in
+
+
 def test_a_lead_in_that_the_file_does_not_name_is_found_and_written(tmp_path: Path) -> None:
     slow = PARAMETERS | {"soft": 0.12}
     car, said = led_in(read_simulator_car(written(tmp_path, "starts_centred", parameters=slow)))
@@ -134,6 +155,26 @@ CANNOT_BE_RUN = {
 def test_what_cannot_be_run_is_one_sentence(tmp_path: Path, function: str) -> None:
     with pytest.raises(SimulatorError, match=CANNOT_BE_RUN[function]):
         checked(written(tmp_path, function))
+
+
+def test_what_simulators_of_two_folders_import_is_each_ones_own(tmp_path: Path) -> None:
+    """A package of one name in both, and a module in it that imports its neighbour."""
+    for name in ("one", "two"):
+        package = tmp_path / name / "vehicle"
+        package.mkdir(parents=True)
+        (package / "__init__.py").write_text("")
+        (package / "numbers_of.py").write_text(f"NAME = '{name}'\n")
+        (package / "model.py").write_text("from vehicle.numbers_of import NAME\n\ndef simulate():\n    return NAME\n")
+    for name in ("one", "two", "one", "two"):
+        function_of.cache_clear()
+        assert function_of("vehicle.model:simulate", str(tmp_path / name))() == name
+
+
+def test_a_folder_that_has_the_name_of_this_package_does_not_replace_it(tmp_path: Path) -> None:
+    (tmp_path / "drift_drake").mkdir()
+    (tmp_path / "mine.py").write_text("import drift_drake\n\ndef simulate():\n    return drift_drake\n")
+    before = sys.modules["drift_drake"]
+    assert function_of("mine:simulate", str(tmp_path))() is before
 
 
 def test_a_module_that_cannot_be_imported(tmp_path: Path) -> None:

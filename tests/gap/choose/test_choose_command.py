@@ -1,6 +1,7 @@
 """`drift-drake choose` as a user calls it."""
 
 import json
+import re
 from collections.abc import Callable
 from pathlib import Path
 
@@ -93,6 +94,11 @@ def check(tmp_path_factory: pytest.TempPathFactory) -> Path:
     drive = ["simulate", "steering_check", "--vehicle", str(folder / "car.yaml"), "--out", str(folder / "check.csv")]
     assert main(drive) == 0
     return folder / "check.csv"
+
+
+def test_a_check_of_several_runs_is_refused(logs: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["choose", str(logs), "--check", str(logs)]) == 2
+    assert re.search(r"holds \d runs; give the one of the slow drive", capsys.readouterr().err)
 
 
 def test_a_check_shows_a_limit_of_the_steering_that_drives_kept_below(

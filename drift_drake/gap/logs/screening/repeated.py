@@ -1,6 +1,7 @@
 """The same run several times over: it counts once."""
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -16,10 +17,11 @@ LEAST = 0.02  # [1] of speed and [rad/s] that a run has to vary by, to be distin
 def without_repeated(runs: Sequence[Run]) -> tuple[list[Run], list[str]]:
     """The runs without those that are rows of another one, and a sentence on these."""
     order = sorted(range(len(runs)), key=lambda i: (-len(runs[i]), i))
+    readings = [readings_of(run) for run in runs]
     kept: list[int] = []
     same: dict[int, list[int]] = {}
     for i in order:
-        whole = next((k for k in kept if is_part(runs[i], runs[k])), None)
+        whole = next((k for k in kept if is_part(readings[i], readings[k])), None)
         if whole is None:
             kept.append(i)
         else:
@@ -32,18 +34,33 @@ def without_repeated(runs: Sequence[Run]) -> tuple[list[Run], list[str]]:
     return [runs[i] for i in sorted(kept)], sentences
 
 
-def is_part(one: Run, other: Run) -> bool:
+class Readings(NamedTuple):
+    """Columns of a run that are compared."""
+
+    values: np.ndarray  # [COMPARED, rows], NaN where there are none
+    there: np.ndarray  # [COMPARED] bool
+    ranges: np.ndarray  # [COMPARED]
+    steps: np.ndarray  # [COMPARED] that they are rounded to
+
+
+def readings_of(run: Run) -> Readings:
+    """Of one run, once: steps take long."""
+    columns = [run.column(name) for name in COMPARED]
+    values = np.stack([np.full(len(run), np.nan) if column is None else np.asarray(column) for column in columns])
+    steps = [0.0 if column is None else step(np.asarray(column)) for column in columns]
+    there = np.array([column is not None for column in columns])
+    return Readings(values, there, np.ptp(values, axis=1), np.array(steps))
+
+
+def is_part(one: Readings, other: Readings) -> bool:
     """Whether all rows of a run are rows of another one, in order: whenever, and rounded differently."""
-    names = [name for name in COMPARED if one.column(name) is not None and other.column(name) is not None]
-    a = np.stack([np.asarray(one.column(name)) for name in names])
-    b = np.stack([np.asarray(other.column(name)) for name in names])
-    if a.shape[1] > b.shape[1] or max(np.ptp(a[0]), np.ptp(a[1])) < LEAST:
+    rows, both = one.values.shape[1], one.there & other.there
+    if rows > other.values.shape[1] or max(one.ranges[both][:2]) < LEAST:
         return False
-    close = np.maximum(np.ptp(b, axis=1), 1e-9)
-    rounding = np.array([max(step(one), step(other)) for one, other in zip(a, b, strict=True)])
+    a, b, close = one.values[both], other.values[both], np.maximum(other.ranges[both], 1e-9)
+    rounding = np.maximum(one.steps, other.steps)[both]
     close *= np.clip(ROUNDED * rounding / close, ALIKE, COARSEST)
-    middle = a.shape[1] // 2
-    last = b.shape[1] - a.shape[1]
-    at = b[:, middle : middle + last + 1]
+    middle = rows // 2
+    at = b[:, middle : middle + b.shape[1] - rows + 1]
     starts = np.flatnonzero(np.all(np.abs(at - a[:, middle : middle + 1]) <= close[:, None], axis=0))
-    return any(np.all(np.abs(b[:, start : start + a.shape[1]] - a) <= close[:, None]) for start in starts)
+    return any(np.all(np.abs(b[:, start : start + rows] - a) <= close[:, None]) for start in starts)

@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 from kinematic_log import kinematic_log
 
+from drift_drake.gap.logs.noise import step
+from drift_drake.gap.logs.screening import repeated
 from drift_drake.gap.logs.screening.repeated import without_repeated
 
 
@@ -35,3 +37,12 @@ def test_drives_that_begin_alike_or_do_nothing_are_kept(log):
     assert without_repeated([log, alike]) == ([log, alike], [])
     still = dataclasses.replace(log, r=np.zeros(len(log)), v=np.full(len(log), 9.0))
     assert without_repeated([still, still])[1] == []
+
+
+def test_each_column_is_looked_through_once_however_many_runs_there_are(monkeypatch: pytest.MonkeyPatch) -> None:
+    """An hour of logs is some three hundred runs, and fifty thousand pairs of them."""
+    looked = []
+    monkeypatch.setattr(repeated, "step", lambda values: looked.append(len(values)) or step(values))
+    runs = [kinematic_log(12.0, seed=seed) for seed in range(5)]
+    assert without_repeated(runs)[0] == runs
+    assert len(looked) <= len(runs) * len(repeated.COMPARED)

@@ -9,7 +9,6 @@ from typing import NamedTuple
 
 import numpy as np
 from scipy.special import logsumexp
-from scipy.stats import t as student
 
 from drift_drake.gap.estimation.windows import PREDICTED, WindowedRun
 from drift_drake.gap.logs.noise import CLIP, fourth_differences, white_noise_level
@@ -80,6 +79,11 @@ def _times(ratio: float) -> str:
     return f"{cut}{np.exp(ratio):.2g} times"
 
 
+def _log_t(x: float, free: float, scale: float) -> float:
+    """Log density of Student's t with degrees of freedom and a squared scale, but for a constant of the former."""
+    return -0.5 * (free + 1.0) * float(np.log1p(x**2 / (free * scale))) - 0.5 * float(np.log(scale))
+
+
 def changed(baseline: np.ndarray, runs: Sequence[WindowedRun]) -> NoiseChange:
     """The change of the noise relative to a baseline's.
 
@@ -97,6 +101,5 @@ def changed(baseline: np.ndarray, runs: Sequence[WindowedRun]) -> NoiseChange:
             free = COUNTS + count - 1.0
             variance = (COUNTS * SCATTER**2 + float(own @ own)) / free * (1.0 + 1.0 / count)
             ratios[i] = np.clip(now.mean() - baseline[:, i].mean(), -FURTHEST, FURTHEST)
-            same, other = (student.logpdf(ratios[i], free, scale=np.sqrt(v)) for v in (variance, variance + CHANGES**2))
-            evidence[i] = other - same
+            evidence[i] = _log_t(ratios[i], free, variance + CHANGES**2) - _log_t(ratios[i], free, variance)
     return NoiseChange(ratios, evidence)

@@ -10,6 +10,7 @@ import dataclasses
 from collections.abc import Mapping, Sequence
 
 import numpy as np
+from scipy.special import chdtri  # chi-square's; scipy.stats takes half a second to import
 
 from drift_drake.gap.estimation.prediction_constants import CALIBRATED
 from drift_drake.gap.estimation.prior import TWO_SIDED
@@ -40,14 +41,12 @@ def agreement(pulled: np.ndarray, left: np.ndarray) -> Agreement:
         pulled: by how much each recording pulls the estimates [K, n]; left: variances of the estimates [n] if the
             recordings do not differ, in the same units, `CALIBRATED` times what blocks of time show.
     """
-    from scipy.stats import chi2  # slow to import
-
     count = len(pulled)
     apart = np.diag(spread(pulled)).copy()
     if count < 2:
         return Agreement(apart, np.zeros(len(left), dtype=bool), np.zeros(len(left), dtype=int))
     chance = left * count / CALIBRATED  # of one recording, from the scatter of its blocks
-    factor = float(chi2.ppf(1.0 - BY_CHANCE, count - 1)) / (count - 1)
+    factor = float(chdtri(count - 1, BY_CHANCE)) / (count - 1)
     return Agreement(apart, apart > factor * chance, np.argmax(np.abs(pulled), axis=0))
 
 

@@ -5,6 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 from scipy.signal import butter, filtfilt
+from scipy.stats import t
 
 from drift_drake.gap.estimation.noise_levels import NOT_WHITE, changed, is_white, log_levels
 from drift_drake.gap.estimation.windows import PREDICTED, WindowedRun
@@ -16,8 +17,8 @@ WHEEL = PREDICTED.index("omega_r")
 
 
 def recording(seed: int, name: str) -> WindowedRun:
-    rng, t = np.random.default_rng(seed), 0.01 * np.arange(ROWS)
-    motion = np.stack([0.4 * np.sin(t), 12.0 + np.cos(t), 0.1 * np.sin(2.0 * t), 12.0 + np.cos(t), -np.cos(t)], -1)
+    rng, s = np.random.default_rng(seed), 0.01 * np.arange(ROWS)
+    motion = np.stack([0.4 * np.sin(s), 12.0 + np.cos(s), 0.1 * np.sin(2.0 * s), 12.0 + np.cos(s), -np.cos(s)], -1)
     y = motion + DEVIATIONS * rng.normal(size=(ROWS, len(PREDICTED)))
     zeros = np.zeros(ROWS)
     return WindowedRun(name, 0.01, y, y, zeros, zeros, np.arange(5), 0.1, False, np.ones(5, dtype=bool), name)
@@ -54,6 +55,18 @@ def test_the_same_noise_is_evidence_for_no_change(baseline: np.ndarray) -> None:
         ratios, evidence = changed(baseline, [recording(seed, "later")])
         assert np.all(np.abs(ratios) < 0.2)
         assert np.all(evidence < -1.0)
+
+
+def test_evidence_is_that_of_students_t(baseline: np.ndarray) -> None:
+    """scipy's density, with the variance that four recordings and a prior worth four teach."""
+    run = recording(31, "later")
+    ratios, evidence = changed(
+        baseline, [with_wheel(run, run.y[:, WHEEL] + 0.03 * np.random.default_rng(1).normal(size=ROWS))]
+    )
+    apart = baseline - baseline.mean(axis=0)
+    variance = (4.0 * 0.25**2 + np.sum(apart**2, axis=0)) / 7.0 * 1.25
+    same, other = (t.logpdf(ratios, 7.0, scale=np.sqrt(v)) for v in (variance, variance + 1.2**2))
+    np.testing.assert_allclose(evidence, other - same, rtol=1e-9)
 
 
 @pytest.mark.parametrize("coarse", [0.25, 0.5])

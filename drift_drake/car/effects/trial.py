@@ -21,7 +21,8 @@ RESTS = 120.0  # [s] on the clock
 TRYING = "DRIFT_DRAKE_TRYING"  # in the environment of a trial, which begins no further one
 TRIED = "DRIFT_DRAKE_TRIED"  # of processes that this one starts
 ENDED, REFUSED = "all end", "refused: "
-PROGRAM = "import sys; sys.path[:] = {path!r}; from drift_drake.car.effects.trial import trial; trial({function!r})"
+PROGRAM = "import sys; sys.path[:] = {path!r}; from drift_drake.car.effects.trial import trial"
+PROGRAM += "; trial({function!r}, {seconds!r})"
 
 
 def see_that_they_end(points: Mapping[str, EntryPoint], function: str) -> None:
@@ -39,7 +40,8 @@ def see_that_they_end(points: Mapping[str, EntryPoint], function: str) -> None:
     mark = extensions_folder() / f"tried-{_digest(points)}"
     if mark.is_file() or os.environ.get(TRIED) == mark.name:
         return
-    program = PROGRAM.format(path=[entry or os.getcwd() for entry in sys.path], function=function)
+    path = [entry or os.getcwd() for entry in sys.path]
+    program = PROGRAM.format(path=path, function=function, seconds=SECONDS)
     with ctrl_c_waits():
         process = subprocess.Popen(
             [sys.executable, "-c", program], env=os.environ | {TRYING: "1"}, stdin=subprocess.DEVNULL,
@@ -72,11 +74,11 @@ def see_that_they_end(points: Mapping[str, EntryPoint], function: str) -> None:
         mark.touch()
 
 
-def trial(function: str) -> None:
-    """What the process does: tries all, and says of each that it begins with it."""
+def trial(function: str, seconds: int) -> None:
+    """What the process does: tries all, in so many seconds of processor time, and says of each that it begins."""
     out = os.fdopen(os.dup(1), "w")
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-    resource.setrlimit(resource.RLIMIT_CPU, (SECONDS, SECONDS))
+    resource.setrlimit(resource.RLIMIT_CPU, (seconds, seconds + 5))  # the first says why it ends
     module, _, name = function.partition(":")
     try:
         getattr(importlib.import_module(module), name)(lambda where: print(where, file=out, flush=True))

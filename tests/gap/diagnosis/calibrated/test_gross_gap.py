@@ -86,7 +86,7 @@ def test_a_fit_to_some_windows_is_theirs(late_day):
     assert whole == pytest.approx(0.08, abs=0.02)
 
 
-def test_pairs_are_not_asked_for_where_one_cause_leaves_what_is_normal(late_day, monkeypatch):
+def test_no_pair_is_tried_where_one_cause_explains_the_gap(late_day, monkeypatch):
     def never(*_):
         raise AssertionError
 

@@ -22,8 +22,7 @@ from drift_drake.car.log.driving import (
 from drift_drake.car.log.table import OPTIONAL, SHORTEST_RUN, InvalidLogError, Run
 from drift_drake.car.parameters import CarParameters, VehicleParameters
 from drift_drake.gap.estimation.windows import SETTLING, stride_of
-from drift_drake.gap.logs.screening.repeated import without_repeated
-from drift_drake.gap.logs.screening.screened import Screened, screened
+from drift_drake.gap.logs.screening.screened import Screened, ScreenedLogs, screened, screened_logs
 from drift_drake.gap.logs.screening.suspicions import Suspicion, suspicions_of
 from drift_drake.gap.logs.screening.timing import late_columns
 
@@ -253,8 +252,8 @@ class Admitted(NamedTuple):
     warnings: list[str]  # of the doubts, of bad samples and of what is left out
 
 
-def admit(runs: Sequence[Run], car: CarParameters) -> Admitted:
-    """`usable` parts and `suspicions` of runs that are screened once; a run that is there twice counts once.
+def admit(logs: Sequence[Run] | ScreenedLogs, car: CarParameters) -> Admitted:
+    """`usable` parts and `suspicions` of runs, screened or not; a run that is there twice counts once.
 
     Parts that reverse are for cars of this package alone: what a simulator of the user's does with a negative speed is
     its own affair.
@@ -263,10 +262,9 @@ def admit(runs: Sequence[Run], car: CarParameters) -> Admitted:
         InvalidLogError: too little is left.
     """
     vehicle = car.single_track()
-    runs, repeated = without_repeated(runs)
-    clean, found = screened(runs)
+    runs, clean, said = logs if isinstance(logs, ScreenedLogs) else screened_logs(logs)
     late = late_columns([one.columns for one in clean], [one.run.period for one in clean])
     # Commands that come late are for the hypotheses.
     doubts = [*suspicions_of(clean, vehicle), *(doubt for doubt in late if doubt.shift is not None)]
     kept, left_out = usable_parts(runs, clean, vehicle, not isinstance(car, SimulatorCar))
-    return Admitted(kept, doubts, [*(doubt.sentence for doubt in doubts), *repeated, *found, *left_out])
+    return Admitted(kept, doubts, [*(doubt.sentence for doubt in doubts), *said, *left_out])

@@ -7,8 +7,7 @@ from drift_drake.car.given_vehicle import Vehicle, vehicle_given
 from drift_drake.car.log.cases import Logs, logs_given
 from drift_drake.common.errors import InvalidOptionError
 from drift_drake.gap.logs.screening.consistency import consistency_of
-from drift_drake.gap.logs.screening.repeated import without_repeated
-from drift_drake.gap.logs.screening.screened import RunQuality, quality, screened
+from drift_drake.gap.logs.screening.screened import RunQuality, quality, screened_logs
 
 if TYPE_CHECKING:
     from drift_drake.gap.diagnosis.check.with_vehicle import ForCalibration
@@ -59,14 +58,13 @@ def check(
     if for_calibration and (vehicle is None or calibration is not None):
         raise InvalidOptionError("--for-calibration is of a first guess; give --vehicle, and no --calibration")
     given = logs_given(logs)
-    once, repeated = without_repeated(given.runs)
-    clean, bad = screened(once)
+    once, clean, said = screened = screened_logs(given.runs)
     car = None if vehicle is None else vehicle_given(vehicle).parameters.single_track()
     agrees = consistency_of([one.run for one in clean], car)
-    remarks = [*(doubt.sentence for doubt in agrees.doubts), *repeated, *bad]
+    remarks = [*(doubt.sentence for doubt in agrees.doubts), *said]
     checked = Checked(given.case, quality(once, clean), remarks, unchecked=agrees.unchecked, undecided=agrees.undecided)
     if vehicle is None:
         return checked
     from drift_drake.gap.diagnosis.check.with_vehicle import with_vehicle  # slow to import
 
-    return with_vehicle(checked, given, vehicle, calibration, for_calibration, workers)
+    return with_vehicle(checked, screened, given.noise, vehicle, calibration, for_calibration, workers)

@@ -16,7 +16,6 @@ from drift_drake.car.effects.magnitudes import Effects
 from drift_drake.car.equations import kind_of
 from drift_drake.car.foreign.simulator_car import SimulatorCar
 from drift_drake.car.given_vehicle import Vehicle, single_track_of, vehicle_given
-from drift_drake.car.log.cases import GivenLogs
 from drift_drake.car.log.table import Run
 from drift_drake.car.parameters import CarParameters, VehicleParameters
 from drift_drake.common.errors import significant
@@ -45,6 +44,7 @@ from drift_drake.gap.identification.driving import Driving, Missing, driving_of
 from drift_drake.gap.identification.options import KNOWN
 from drift_drake.gap.identification.outlook import TIMES, Outlook, never, outlook
 from drift_drake.gap.identification.stated import EFFECT_OF, NEVER
+from drift_drake.gap.logs.screening.screened import ScreenedLogs
 
 WITHOUT_BETA = (
     "column beta is missing: a calibration goes by likelihood; whether recordings agree, and what a later log "
@@ -57,12 +57,13 @@ LEAST_COVERED = 0.5  # [s] in an operating region that counts as driven
 
 
 def with_vehicle(
-    checked: Checked, given: GivenLogs, car: Vehicle, calibration: GivenCalibration | None, asked: bool, workers: int
-) -> Checked:
+    checked: Checked, logs: ScreenedLogs, noise: Mapping[str, float], car: Vehicle,
+    calibration: GivenCalibration | None, asked: bool, workers: int,
+) -> Checked:  # fmt: skip
     """What can be said relative to a vehicle."""
     whole, own, tolerances, _ = vehicle_given(car)
     vehicle = whole.single_track()
-    kept, doubts, warnings = admit(given.runs, whole)
+    kept, doubts, warnings = admit(logs, whole)
     stated = {doubt.sentence for doubt in doubts if doubt.column is not None}  # by what is asked of the columns already
     warnings = [warning for warning in warnings if warning not in stated]
     names, grip = region_names(), vehicle.friction * vehicle.gravity
@@ -83,7 +84,7 @@ def with_vehicle(
     elif trust.normal is not None:
         detection, more = limits_by_prediction(kept, whole, trust.normal, own, checked.case, workers)
     else:
-        detection, more = limits_by_filter(kept, single_track_of(whole), own, given.noise, trust.options())
+        detection, more = limits_by_filter(kept, single_track_of(whole), own, noise, trust.options())
     return dataclasses.replace(checked, remarks=list(dict.fromkeys([*remarks, *more])), detection=detection)
 
 

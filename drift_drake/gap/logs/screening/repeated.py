@@ -17,11 +17,11 @@ LEAST = 0.02  # [1] of speed and [rad/s] that a run has to vary by, to be distin
 def without_repeated(runs: Sequence[Run]) -> tuple[list[Run], list[str]]:
     """The runs without those that are rows of another one, and a sentence on these."""
     order = sorted(range(len(runs)), key=lambda i: (-len(runs[i]), i))
-    readings = [readings_of(run) for run in runs]
+    columns = [compared_columns(run) for run in runs]
     kept: list[int] = []
     same: dict[int, list[int]] = {}
     for i in order:
-        whole = next((k for k in kept if is_part(readings[i], readings[k])), None)
+        whole = next((k for k in kept if is_part(columns[i], columns[k])), None)
         if whole is None:
             kept.append(i)
         else:
@@ -34,7 +34,7 @@ def without_repeated(runs: Sequence[Run]) -> tuple[list[Run], list[str]]:
     return [runs[i] for i in sorted(kept)], sentences
 
 
-class Readings(NamedTuple):
+class ComparedColumns(NamedTuple):
     """Columns of a run that are compared."""
 
     values: np.ndarray  # [COMPARED, rows], NaN where there are none
@@ -43,16 +43,16 @@ class Readings(NamedTuple):
     steps: np.ndarray  # [COMPARED] that they are rounded to
 
 
-def readings_of(run: Run) -> Readings:
+def compared_columns(run: Run) -> ComparedColumns:
     """Of one run, once: steps take long."""
     columns = [run.column(name) for name in COMPARED]
     values = np.stack([np.full(len(run), np.nan) if column is None else np.asarray(column) for column in columns])
     steps = [0.0 if column is None else step(np.asarray(column)) for column in columns]
     there = np.array([column is not None for column in columns])
-    return Readings(values, there, np.ptp(values, axis=1), np.array(steps))
+    return ComparedColumns(values, there, np.ptp(values, axis=1), np.array(steps))
 
 
-def is_part(one: Readings, other: Readings) -> bool:
+def is_part(one: ComparedColumns, other: ComparedColumns) -> bool:
     """Whether all rows of a run are rows of another one, in order: whenever, and rounded differently."""
     rows, both = one.values.shape[1], one.there & other.there
     if rows > other.values.shape[1] or max(one.ranges[both][:2]) < LEAST:

@@ -2,7 +2,7 @@
 
 import dataclasses
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -13,6 +13,7 @@ from drift_drake.gap.logs.screening.averaging import Columns
 from drift_drake.gap.logs.screening.bad_samples import command_dropouts, filled, frozen, spikes
 from drift_drake.gap.logs.screening.dead import dead_columns
 from drift_drake.gap.logs.screening.held_commands import frozen_command, held_sentences
+from drift_drake.gap.logs.screening.repeated import without_repeated
 
 MEASURED = ("x", "y", "psi", "r", "v", "beta", "omega_r", "ax", "ay")
 COMMANDS = ("delta_cmd", "tau_cmd")
@@ -58,6 +59,21 @@ class Screened:
         """Rows [rows] (bool) in which a column is filled, not measured, for more than so many rows."""
         bad = [(part.start, part.stop) for part in self.bad if part.stop - part.start > beyond]
         return in_spans(bad, len(self.run))
+
+
+class ScreenedLogs(NamedTuple):
+    """Logs that count once, without their bad samples."""
+
+    runs: list[Run]  # without those that are there twice
+    clean: list[Screened]  # of each
+    said: list[str]  # on both
+
+
+def screened_logs(runs: Sequence[Run]) -> ScreenedLogs:
+    """Logs as an estimator is given them."""
+    once, repeated = without_repeated(runs)
+    clean, found = screened(once)
+    return ScreenedLogs(once, clean, [*repeated, *found])
 
 
 def screened(runs: Sequence[Run]) -> tuple[list[Screened], list[str]]:

@@ -21,11 +21,12 @@ from drift_drake.car.effects.catalogue import CATALOGUE
 from drift_drake.car.effects.magnitudes import Effects
 from drift_drake.car.equations import CarConstants, kind_of
 from drift_drake.car.parameters import VehicleParameters
+from drift_drake.gap.estimation.effort import is_slow
 from drift_drake.gap.estimation.normal import Normal
 from drift_drake.gap.estimation.partial import free_columns, partial_columns, standards
 from drift_drake.gap.estimation.robust_fit import robust_scales
 from drift_drake.gap.estimation.unknowns import added
-from drift_drake.gap.estimation.windows import HORIZONS, THREADS, WindowedRun, errors, errors_of_all, regimes
+from drift_drake.gap.estimation.windows import THREADS, WindowedRun, errors, errors_of_all, regimes
 
 BLOCK = 2.0  # [s]
 STRETCH = 12.0  # [s], about, of a run over which what the equations lack hangs together
@@ -70,6 +71,22 @@ def flat_scores(e: np.ndarray, scales: np.ndarray) -> np.ndarray:
     return np.asarray((e / scales * huber_weights(e, scales)).reshape(len(e), -1))
 
 
+class Predictions:
+    """Errors of cars that have been asked for, by their effects; those of some windows of others are a part of them."""
+
+    def __init__(self, of: "Predictions | None" = None, which: np.ndarray | None = None) -> None:
+        self._found = dict[Effects, np.ndarray]()
+        self._of, self._which = of, which
+
+    def get(self, effects: Effects) -> np.ndarray | None:
+        """Errors [windows, HORIZONS, channels], if they are known."""
+        whole = self._of.get(effects) if self._of is not None and effects not in self._found else None
+        return self._found.get(effects) if whole is None else whole[self._which]
+
+    def keep(self, effects: Effects, e: np.ndarray) -> None:
+        self._found[effects] = e
+
+
 @dataclasses.dataclass(frozen=True)
 class Day:
     """Runs of one day relative to the calibrated car: errors, their derivatives, and the blocks."""
@@ -84,6 +101,7 @@ class Day:
     weights: np.ndarray  # [windows] below one where the car is driven harder than on the day of calibration
     standard: np.ndarray  # of the driving, on the day of calibration (`partial.standards`)
     kind_units: np.ndarray  # of the deviations of the car's kind, in their standard deviations [k]
+    predictions: Predictions = dataclasses.field(default_factory=Predictions, repr=False)  # of a slow simulator
 
     @property
     def ahead(self) -> list[str]:
@@ -117,11 +135,23 @@ class Day:
                 for run, of_run in zip(self.runs, starts, strict=True) if len(of_run)]  # fmt: skip
         parts = {name: getattr(self, name)[which] for name in ("errors", "jacobian", "weights")}
         block, run = (np.unique(index[which], return_inverse=True)[1] for index in (self.block, self.run))
-        return dataclasses.replace(self, runs=runs, block=block, run=run, **parts)
+        known = Predictions(self.predictions, which)
+        return dataclasses.replace(self, runs=runs, block=block, run=run, predictions=known, **parts)
 
-    def errors_with(self, effects: Mapping[str, float], horizons: int = HORIZONS) -> np.ndarray:
-        """Errors [windows, horizons, channels] once effects are added to the calibrated car."""
-        return errors(self.runs, self.constants, added(self.own, effects), horizons)
+    def errors_with(self, effects: Mapping[str, float]) -> np.ndarray:
+        """Errors [windows, HORIZONS, channels] once effects are added to the calibrated car."""
+        return self.errors_with_each([effects])[0]
+
+    def errors_with_each(self, some: Sequence[Mapping[str, float]], threads: int = THREADS) -> list[np.ndarray]:
+        """The same of several cars; a slow simulator is asked for none twice."""
+        cars = [added(self.own, effects) for effects in some]
+        if not is_slow(self.constants):
+            return errors_of_all(self.runs, [(self.constants, effects) for effects in cars], threads)
+        unknown = [effects for effects in dict.fromkeys(cars) if self.predictions.get(effects) is None]
+        got = errors_of_all(self.runs, [(self.constants, effects) for effects in unknown], threads) if unknown else []
+        for effects, found in zip(unknown, got, strict=True):
+            self.predictions.keep(effects, found)
+        return [e for effects in cars if (e := self.predictions.get(effects)) is not None]
 
 
 def make_day(

@@ -18,8 +18,6 @@ from drift_drake.gap.estimation.effort import is_slow
 from drift_drake.gap.estimation.normal import Normal
 from drift_drake.gap.estimation.prior import at_end, clipped, farther, range_of, tried_first
 from drift_drake.gap.estimation.scores import Day, summed
-from drift_drake.gap.estimation.unknowns import added
-from drift_drake.gap.estimation.windows import errors_of_all
 from drift_drake.gap.evidence.hypotheses import FOLLOWING, Hypothesis, concluded, effects_of
 from drift_drake.gap.evidence.left_over import LeftOver, left_over
 
@@ -66,9 +64,7 @@ class Search:
     def tried(self, *effects: Mapping[str, float]) -> list[tuple[np.ndarray, float]]:
         """Scores less their normal mean [m] once each of some effects is added, and the mean capped square of the
         errors."""
-        day = self.day
-        cars = [(day.constants, added(day.own, one)) for one in effects]
-        found = errors_of_all(day.runs, cars, self.threads)
+        found = self.day.errors_with_each(effects, self.threads)
         return [(self._scores(e), float(np.mean(self.normal.squares(e)))) for e in found]
 
     def nats(self, scores: np.ndarray) -> np.ndarray:
@@ -120,13 +116,22 @@ class Search:
         # A limit of zero is no limit at all.
         curves = [Curve(name, follows, *(([], []) if name in LIMITS else ([0.0], [at_zero])))
                   for name, follows in variants]  # fmt: skip
-        few = is_slow(self.day.constants)
-        asked = [(i, float(q)) for i, curve in enumerate(curves)
-                 for q in sorted({*tried_first(self.ranges[curve.name], few)}) if curve.lacks(q)]  # fmt: skip
+        asked = [(i, q) for i, curve in enumerate(curves) for q in self._first(curve.name) if curve.lacks(q)]
         found = self.tried(*(curves[i].effects(self, q) for i, q in asked))
         for (i, q), one in zip(asked, found, strict=True):
             curves[i] = curves[i].with_found(q, *one)
         return curves
+
+    def _first(self, name: str) -> list[float]:
+        """Magnitudes of an effect that are predicted first; of a slow simulator those of the likelier sign."""
+        day, few = self.day, is_slow(self.day.constants)
+        magnitudes = sorted({float(q) for q in tried_first(self.ranges[name], few)})
+        if not few or name not in self.normal.names or magnitudes[0] > 0.0:
+            return magnitudes
+        at = self.normal.names.index(name)
+        slope = day.jacobian[..., at].reshape(day.errors.shape) * self.normal.scales / self.normal.units[at]
+        likeliest = min(magnitudes, key=lambda q: float(self.nats(self._scores(day.errors + q * slope))))
+        return [q for q in magnitudes if q * likeliest > 0.0]
 
     def pairs(self, singles: Sequence[Hypothesis], progress: Callable[[float], None]) -> list[Hypothesis]:
         """Pairs grown from the best singles, jointly fitted; best first."""

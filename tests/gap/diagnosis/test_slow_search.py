@@ -1,0 +1,67 @@
+"""A search for causes with a simulator whose predictions take long: what it is asked for, and that nothing is lost."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from drift_drake.gap.diagnosis.calibrated.one_stretch import without
+from drift_drake.gap.estimation import scores
+from drift_drake.gap.estimation.prior import FEW_SIGNED
+from drift_drake.gap.estimation.scores import Predictions
+from drift_drake.gap.estimation.unknowns import added
+from drift_drake.gap.estimation.windows import errors
+from drift_drake.gap.evidence import search as searching
+
+
+@pytest.fixture
+def asked_of(monkeypatch):
+    """Effects of all cars that predictions are asked of, once they take long."""
+    asked, errors_of_all = [], scores.errors_of_all
+
+    def noted(runs, cars, threads=2):
+        asked.extend(effects for _, effects in cars)
+        return errors_of_all(runs, cars, threads)
+
+    monkeypatch.setattr(scores, "errors_of_all", noted)
+    monkeypatch.setattr(scores, "is_slow", lambda _: True)
+    monkeypatch.setattr(searching, "is_slow", lambda _: True)
+    return asked
+
+
+def test_it_is_asked_for_no_car_twice_and_for_few_without_some_seconds(late_day, asked_of):
+    day = dataclasses.replace(late_day.search.day, predictions=Predictions())
+    search = late_day.search.on(day)
+    best = search.singles(lambda _: None)[0]
+    assert best.names == ("steering_delay",)
+    assert len(asked_of) == len(set(asked_of))
+    before = len(asked_of)
+    rest = without(search, np.arange(day.blocks) == 1)
+    assert rest.singles(lambda _: None)[0].names == ("steering_delay",)
+    assert len(asked_of) - before < 0.5 * before  # magnitudes that are refined, but for those
+    assert len(asked_of) == len(set(asked_of))
+
+
+def test_what_is_known_of_all_windows_is_known_of_some(late_day, asked_of):
+    day = dataclasses.replace(late_day.search.day, predictions=Predictions())
+    effects = {"mass_error": 0.1}
+    whole = day.errors_with(effects)
+    some = day.kept(np.arange(len(day.errors)) % 3 == 0)
+    fewer = some.kept(np.arange(len(some.errors)) % 2 == 0)
+    for part in (some, fewer):
+        np.testing.assert_array_equal(part.errors_with(effects),
+                                      errors(part.runs, day.constants, added(day.own, effects)))  # fmt: skip
+    np.testing.assert_array_equal(day.errors_with(effects), whole)
+    assert len(asked_of) == 1
+
+
+@pytest.mark.usefixtures("asked_of")
+@pytest.mark.parametrize("bias", [0.04, -0.04])
+def test_it_is_asked_first_for_magnitudes_of_the_likelier_sign(other_car, searched, bias):
+    search = searched(other_car.day({"gyro_bias": bias}, 3), ["gyro_bias", "steering_delay"])
+    assert search._first("gyro_bias") == pytest.approx(
+        sorted(q * search.ranges["gyro_bias"].high for q in FEW_SIGNED if q * bias > 0.0)
+    )
+    assert all(q > 0.0 for q in search._first("steering_delay"))
+    best = search.singles(lambda _: None)[0]
+    assert best.magnitudes == pytest.approx(bias, rel=0.2)

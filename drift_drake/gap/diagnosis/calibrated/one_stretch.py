@@ -8,7 +8,7 @@ import numpy as np
 
 from drift_drake.common.errors import significant
 from drift_drake.gap.diagnosis.calibrated.changed_car import changed_car
-from drift_drake.gap.estimation.lost_blocks import as_often, lost_blocks, transitions
+from drift_drake.gap.estimation.lost_blocks import FAR, as_often, lost_blocks, transitions
 from drift_drake.gap.estimation.scores import block_scores
 from drift_drake.gap.evidence.hypotheses import Hypothesis
 from drift_drake.gap.evidence.posterior import NONE
@@ -19,7 +19,8 @@ MOST = 0.2  # share of the blocks of time that a gap may be held by, to be one o
 HELD = 0.7  # share of the gap that they hold then; both were set on a van whose wheel locks (validation)
 FEW = 2  # stretches of a run that are said one by one
 USUAL = (
-    "no prediction follows the car in {}, as in about as much of its baseline: it is judged by the rest of its driving"
+    f"predictions are more than {FAR:g} times their usual errors off in {{}}, as in about as much of the baseline: "
+    "the car is judged by the rest of its driving"
 )
 
 

@@ -95,7 +95,7 @@ def lost_commands(other_car, effect):
 def test_they_are_no_change_where_the_baseline_has_as_many(other_car, diagnosed):
     found = diagnosed(lost_commands(other_car, {}), "usual", lost=2)
     assert found.answer.verdict == "none"
-    (said,) = [w for w in found.answer.warnings if "no prediction follows" in w]
+    (said,) = [w for w in found.answer.warnings if "as in about as much of the baseline" in w]
     assert "in run_0 between" in said
 
 

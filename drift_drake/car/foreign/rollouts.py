@@ -194,11 +194,13 @@ def _look_first_in(folder: str, package: str) -> None:
     _FOLDERS.add(folder)
     sys.path[:] = [folder, *(path for path in sys.path if path != folder)]
     others = _FOLDERS - {folder}
-    names = {path.stem for path in Path(folder).glob("*") if path.suffix == ".py" or path.is_dir()} - {HOUSE}
+    names = {path.stem for path in Path(folder).glob("*.py")}
+    names |= {path.parent.name for path in Path(folder).glob("*/__init__.py")}
+    names = (names | ({package} if Path(folder, package).is_dir() else set())) - {HOUSE}
     for name, module in list(sys.modules.items()):
         top, file = name.partition(".")[0], Path(getattr(module, "__file__", None) or folder)
-        elsewhere = top in names and not file.is_relative_to(folder)
-        if elsewhere and (top == package or any(file.is_relative_to(other) for other in others)):
+        of_another = "site-packages" not in file.parts and any(file.is_relative_to(other) for other in others)
+        if top in names and not file.is_relative_to(folder) and (top == package or of_another):
             del sys.modules[name]
     importlib.invalidate_caches()
 

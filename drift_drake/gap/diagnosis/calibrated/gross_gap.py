@@ -31,10 +31,8 @@ from drift_drake.gap.evidence.search import EXTENSIONS, Search
 FAR = 100.0  # mean square of a window, in scales, at which it counts half of what a diverged one does (Geman-McClure)
 PER_BLOCK = 4.0  # independent errors in a block of time
 SEEDS, PARTNERS = 4, 4  # singles that pairs are grown from, partners each that are fitted jointly
-PARTNER_GRID, FEW = (
-    (-0.8, -0.4, 0.4, 0.8),
-    (-0.6, 0.6),
-)  # of the reach, for the partner of a single; of a slow simulator
+PARTNER_GRID = (-0.8, -0.4, 0.4, 0.8)  # of the reach, for the partner of a single
+FEW = (-0.6, 0.6)  # the same of a slow simulator
 STEP = 0.05  # of the reach, for derivatives
 MOST_WINDOWS, FEWEST = 200, 60  # evenly chosen; of a slow simulator
 
@@ -66,7 +64,7 @@ def nats(search: Search, misfit: float) -> float:
 
 
 def least_nats(search: Search) -> float:
-    """The same of a car whose errors are those of the day of calibration: no hypothesis may leave fewer."""
+    """Those of a car whose errors are the baseline's: no hypothesis may leave fewer."""
     used = np.all([run.used for run in search.day.runs], axis=0)
     return nats(search, float(np.mean(search.normal.level[0][used])))
 
@@ -88,10 +86,8 @@ def fitted(search: Search, names: Sequence[str], start: Sequence[float] | np.nda
     now = in_scales(search, search.day.errors)[part]
     evidence = PER_BLOCK * search.day.blocks / (HORIZONS * float(np.sum(misfits(now))))  # a cost in nats, about
     criterion = Criterion(errors_with, unknowns, evidence, derivatives_of(search.day.constants)[0], STEP)
-    first, ones = (
-        np.array([clipped(float(x), r) for x, r in zip(start, ranges, strict=True)]),
-        np.ones((now.shape[1], 1)),
-    )
+    first = np.array([clipped(float(x), r) for x, r in zip(start, ranges, strict=True)])
+    ones = np.ones((now.shape[1], 1))
     found, _ = criterion.minimised(criterion.at(first, ones, FAR), ones, FAR)
     return np.array([clipped(float(x), r) for x, r in zip(found.theta, ranges, strict=True)])
 
@@ -125,10 +121,8 @@ def judged_by_errors(
     ends of their ranges, those are widened; `search.ranges` of the leading causes are those that were looked at.
     Whether something else is there too is asked of the scores at the car with the leading one in it, as of any gap.
     """
-    whole, search = (
-        search,
-        search.on(fewer_windows(search.day, FEWEST if is_slow(search.day.constants) else MOST_WINDOWS)),
-    )
+    most = FEWEST if is_slow(search.day.constants) else MOST_WINDOWS
+    whole, search = search, search.on(fewer_windows(search.day, most))
     singles, starts = grown_singles(search, lambda share: progress(0.5 * share))
     for _ in range(EXTENSIONS):
         if not widened_at_ends(search, sorted(singles, key=lambda h: h.nats)[:SEEDS]):

@@ -21,8 +21,10 @@ RESTS = 120.0  # [s] on the clock
 TRYING = "DRIFT_DRAKE_TRYING"  # in the environment of a trial, which begins no further one
 TRIED = "DRIFT_DRAKE_TRIED"  # of processes that this one starts
 ENDED, REFUSED = "all end", "refused: "
-PROGRAM = "import sys; sys.path[:] = {path!r}; from drift_drake.car.effects.trial import trial"
-PROGRAM += "; trial({function!r}, {seconds!r})"
+PROGRAM = (
+    "import sys; sys.path[:] = {path!r}; from drift_drake.car.effects.trial import trial; "
+    "trial({function!r}, {seconds!r})"
+)
 
 
 def see_that_they_end(points: Mapping[str, EntryPoint], function: str) -> None:

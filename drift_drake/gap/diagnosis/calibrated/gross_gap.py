@@ -99,7 +99,8 @@ def hypothesis(search: Search, names: Sequence[str], q: np.ndarray) -> Hypothesi
     ranges = [search.ranges[name] for name in names]
     steps = np.array([STEP * r.high for r in ranges])
     k, unit = len(q), np.eye(len(q))
-    around = np.vstack([np.zeros(k), unit, -unit, np.ones(k), -np.ones(k)])
+    corners = [np.ones(k), -np.ones(k)] if k == 2 else []
+    around = np.vstack([np.zeros(k), unit, -unit, *corners])
     middle, *rest = (nats(search, misfit) for misfit in mean_misfits(search, *((names, q + x * steps) for x in around)))
     ups, downs, both = rest[:k], rest[k : 2 * k], rest[2 * k :]
     # At a bound, or where it is not convex, the steps themselves are what is known.

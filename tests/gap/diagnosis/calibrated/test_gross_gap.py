@@ -101,7 +101,10 @@ def test_the_covariance_is_the_inverse_of_the_second_derivatives(late_day, monke
     """Of a quadratic, to the bit of what differences give."""
     search, hessian = late_day.search, np.array([[4000.0, 300.0], [300.0, 500.0]])
     middle = np.array([0.05, -0.1])
-    bowl = lambda _s, *named: [0.5 * (q - middle) @ hessian @ (q - middle) for _, q in named]  # noqa: E731
+
+    def bowl(_search, *named):
+        return [0.5 * (q - middle) @ hessian @ (q - middle) for _, q in named]
+
     monkeypatch.setattr(gross_gap, "mean_misfits", bowl)
     monkeypatch.setattr(gross_gap, "nats", lambda _s, value: value)
     ranges = search.ranges

@@ -47,11 +47,14 @@ def test_stretches_are_said_one_by_one_or_how_much_of_a_run_they_are(search):
     """Each window of the first run is a block of its own; starts are two strides apart."""
     run = search.day.runs[0]
     finer = search.on(dataclasses.replace(search.day, block=np.arange(len(search.day.block))))
-    at = lambda i: run.starts[i] * run.period  # noqa: E731
-    said = lambda *which: stretches_in_words(finer, np.isin(np.arange(finer.day.blocks), which))  # noqa: E731
-    first = f"between {at(0):.1f} and {at(1) + 0.5:.1f} s"
+    at = run.starts * run.period
+
+    def said(*which):
+        return stretches_in_words(finer, np.isin(np.arange(finer.day.blocks), which))
+
+    first = f"between {at[0]:.1f} and {at[1] + 0.5:.1f} s"
     assert said(0, 1) == f"{run.name} {first}"
-    assert said(0, 1, 4) == f"{run.name} {first} and between {at(4):.1f} and {at(4) + 0.5:.1f} s"
+    assert said(0, 1, 4) == f"{run.name} {first} and between {at[4]:.1f} and {at[4] + 0.5:.1f} s"
     assert said(0, 2, 6) == f"{run.name} for 1.5 s here and there"
     assert said() == ""
 

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 
 from drift_drake.car.car_file import read_car
 from drift_drake.car.effects.magnitudes import make_effects
@@ -16,16 +17,8 @@ from drift_drake.car.foreign.check import check_simulator
 from drift_drake.car.foreign.pool import end_workers, roll_all
 from drift_drake.car.foreign.rollouts import SimulatorError
 from drift_drake.car.foreign.simulator_car import SimulatorCar
-from tests.car.foreign.bicycle import written
 
-HERE = Path(__file__).parent
-VALUES = {"m": 1450.0, "J": 2200.0, "lf": 1.2, "lr": 1.3, "mu": 1.0, "cf": 1.2e5, "cr": 1.5e5, "jw": 12.0}
-DESCRIBED = {
-    "python": None, "batch": None, "unknown": {}, "parameters": VALUES,
-    "inputs": {"steering": "steer", "torque": {"name": "torque", "ratio": 8.0}},
-    "outputs": {"r": "r", "v_x": "vx", "v_y": "vy", "omega_r": {"name": "w", "unit": "rad/s"}, "psi": "psi"},
-    "start": {"r": "r0", "v_x": "vx0", "v_y": "vy0", "omega_r": {"name": "w0", "unit": "rad/s"}},
-}  # fmt: skip
+EXAMPLES = Path(__file__).parents[3] / "examples" / "simulators"
 
 
 @pytest.fixture(scope="module")
@@ -33,20 +26,27 @@ def fmu(tmp_path_factory: pytest.TempPathFactory):
     pytest.importorskip("pythonfmu", reason="pythonfmu builds the FMU")
     pytest.importorskip("fmpy")
     folder = tmp_path_factory.mktemp("fmu")
-    build = [sys.executable, "-m", "pythonfmu", "build", "-f", str(HERE / "fmu_car.py"), "-d", str(folder)]
+    build = [sys.executable, "-m", "pythonfmu", "build", "-f", str(EXAMPLES / "fmu_car.py"), "-d", str(folder)]
     subprocess.run(build, check=True, capture_output=True)
     yield folder / "FmuCar.fmu"
     end_workers()
 
 
 def car_of(folder: Path, path: Path, **changes) -> SimulatorCar:
-    car, _ = read_car(written(folder, fmu=str(path), **(DESCRIBED | changes)))
+    data = yaml.safe_load((EXAMPLES / "fmu_car.yaml").read_text())
+    for key, more in changes.items():
+        data["simulator"][key] |= more
+    data["simulator"]["fmu"] = str(path)
+    described = folder / "fmu_car.yaml"
+    described.write_text(yaml.safe_dump(data, sort_keys=False))
+    car, _ = read_car(described)
     assert isinstance(car, SimulatorCar)
     return car
 
 
-def test_it_moves_as_its_class_does(fmu: Path, tmp_path: Path) -> None:
-    from tests.car.foreign.fmu_car import FmuCar
+def test_it_moves_as_its_class_does(fmu: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.syspath_prepend(str(EXAMPLES))
+    from fmu_car import FmuCar
 
     car = car_of(tmp_path, fmu)
     t, dt = 0.01 * np.arange(61), 0.01
@@ -87,12 +87,12 @@ def test_what_is_wrong_with_an_fmu_is_one_sentence(fmu: Path, tmp_path: Path) ->
         (tmp_path / "windows.fmu", {}, r"windows\.fmu: is built for win64, not for .*; export it for this platform"),
         (
             fmu,
-            {"parameters": VALUES | {"mas": 1.0}},
+            {"parameters": {"mas": 1.0}},
             r"the FMU has no variable mas, which the file names as",
         ),
         (
             fmu,
-            {"outputs": DESCRIBED["outputs"] | {"psi": "yaw"}},
+            {"outputs": {"psi": "yaw"}},
             r"no variable yaw, which the file names as output",
         ),
     ):

@@ -1,10 +1,10 @@
-"""A bicycle on tanh tyres as an FMU's slave, which the tests build with pythonfmu."""
+"""A single-track car on tanh tyres as an FMU: python -m pythonfmu build -f fmu_car.py writes FmuCar.fmu beside it."""
 
 from math import atan2, cos, hypot, sin, tanh
 
 from pythonfmu import Fmi2Causality, Fmi2Slave, Fmi2Variability, Real
 
-STEP = 0.002  # [s] at most, of its own integration
+STEP = 0.005  # [s] at most, of its own integration
 PARAMETERS = {
     "m": 1450.0,
     "J": 2200.0,
@@ -25,7 +25,7 @@ class FmuCar(Fmi2Slave):
         for name, value in (PARAMETERS | STARTS).items():
             setattr(self, name, value)
             self.register_variable(Real(name, causality=Fmi2Causality.parameter, variability=Fmi2Variability.tunable))
-        for name in ("steer", "torque", "force"):
+        for name in ("steer", "torque", "fx", "fy", "mz"):  # [rad], [N m] at the rear axle, on the body [N], [N m]
             setattr(self, name, 0.0)
             self.register_variable(Real(name, causality=Fmi2Causality.input))
         for name in ("vx", "vy", "r", "w", "psi"):
@@ -44,11 +44,11 @@ class FmuCar(Fmi2Slave):
         slip_y, slip_x = -atan2(vy - self.lr * r, roll), (w * self.radius - vx) / roll
         slip = hypot(slip_x, slip_y) + 1e-9
         force = rear * tanh(self.cr * slip / rear)
-        fx, fy = force * slip_x / slip, force * slip_y / slip
-        ax = (fx - f_front * sin(self.steer) + self.force) / self.m
-        ay = (fy + f_front * cos(self.steer)) / self.m
-        moment = self.lf * f_front * cos(self.steer) - self.lr * fy
-        return ax + r * vy, ay - r * vx, moment / self.J, (self.torque - fx * self.radius) / self.jw
+        f_x, f_y = force * slip_x / slip, force * slip_y / slip
+        a_x = (f_x - f_front * sin(self.steer) + self.fx) / self.m
+        a_y = (f_y + f_front * cos(self.steer) + self.fy) / self.m
+        moment = self.lf * f_front * cos(self.steer) - self.lr * f_y + self.mz
+        return a_x + r * vy, a_y - r * vx, moment / self.J, (self.torque - f_x * self.radius) / self.jw
 
     def do_step(self, current_time, step_size):  # noqa: ARG002
         steps = max(round(step_size / STEP), 1)

@@ -76,17 +76,6 @@ def spread(pieces: Sequence[Run], most: float, later: Sequence[bool] | np.ndarra
     return [int(i) for i in sorted(order[: max(int(np.count_nonzero(until <= most)), 1)])]
 
 
-def usable(runs: Sequence[Run], vehicle: VehicleParameters) -> tuple[list[Run], list[str]]:
-    """Runs without bad samples, cut where they spin, stand, turn back or freeze, each part a run of its own; warnings.
-
-    Raises:
-        InvalidLogError: too little is left.
-    """
-    clean, found = screened(runs)
-    kept, left_out = usable_parts(runs, clean, vehicle)
-    return kept, found + left_out
-
-
 def least_part(vehicle: VehicleParameters) -> float:
     """Seconds that a part has to last for a window of predictions of a car of this size."""
     return SETTLING + AHEAD * stride_of(vehicle)
@@ -95,7 +84,14 @@ def least_part(vehicle: VehicleParameters) -> float:
 def usable_parts(
     runs: Sequence[Run], clean: Sequence[Screened], vehicle: VehicleParameters, reverse: bool = True
 ) -> tuple[list[Run], list[str]]:
-    """`usable` of runs that have been screened: `clean`; reverse: parts that reverse can be used."""
+    """Runs without bad samples, cut where they spin, stand, turn back or freeze, each part a run of its own; warnings.
+
+    Args:
+        clean: the runs as they were screened; reverse: parts that reverse can be used.
+
+    Raises:
+        InvalidLogError: too little is left.
+    """
     kept: list[Run] = []
     warnings: list[str] = []
     lost: dict[str, float] = {}
@@ -253,7 +249,7 @@ class Admitted(NamedTuple):
 
 
 def admit(logs: Sequence[Run] | ScreenedLogs, car: CarParameters) -> Admitted:
-    """`usable` parts and `suspicions` of runs, screened or not; a run that is there twice counts once.
+    """Usable parts (`usable_parts`) and `suspicions` of runs, screened or not; a run that is there twice counts once.
 
     Parts that reverse are for cars of this package alone: what a simulator of the user's does with a negative speed is
     its own affair.

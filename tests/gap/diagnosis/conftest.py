@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from drift_drake.gap.diagnosis.calibrated.diagnose_change import diagnose_change, search_of
-from drift_drake.gap.estimation.usable import usable
+from drift_drake.gap.estimation.usable import admit
 
 CONSIDERED = (
     "friction_level",
@@ -42,7 +42,7 @@ def searched(other_car):
 
     def search(runs, catalogue):
         car = other_car.found
-        return search_of(usable(runs, car.vehicle)[0], car.vehicle, other_car.normal, car.effects, catalogue, "day", 1)
+        return search_of(admit(runs, car.vehicle).runs, car.vehicle, other_car.normal, car.effects, catalogue, "day", 1)
 
     return search
 

@@ -8,7 +8,7 @@ import pytest
 from drift_drake.car.log.driving import driven, reversing, slowest_asked
 from drift_drake.car.log.table import InvalidLogError, Run
 from drift_drake.car.parameters import VehicleParameters
-from drift_drake.gap.estimation.usable import admit, least_part, usable, usable_parts
+from drift_drake.gap.estimation.usable import admit, least_part, usable_parts
 from drift_drake.gap.logs.screening.screened import screened
 from drift_drake.gap.logs.screening.suspicions import suspicions
 
@@ -37,6 +37,12 @@ def changed(run, column, start, stop, value):
     return dataclasses.replace(run, **{column: values})
 
 
+def usable(runs, car):
+    """The parts that are used, and warnings."""
+    admitted = admit(runs, car)
+    return admitted.runs, admitted.warnings
+
+
 def test_a_good_run_is_left_as_it_is():
     run = gentle()
     kept, warnings = usable([run], CAR)
@@ -46,13 +52,14 @@ def test_a_good_run_is_left_as_it_is():
     assert warnings == []
 
 
-def test_what_is_admitted_is_usable_and_not_suspect():
+def test_what_is_admitted_comes_with_its_doubts():
     runs = [gentle(), dataclasses.replace(changed(gentle(), "beta", 400, 500, 1.5), name="run_1")]
     runs = [dataclasses.replace(run, v=3.6 * run.v) for run in runs]
-    admitted, (kept, warnings), doubts = admit(runs, CAR), usable(runs, CAR), suspicions(runs, CAR)
+    admitted, doubts = admit(runs, CAR), suspicions(runs, CAR)
+    kept, left_out = usable_parts(runs, screened(runs)[0], CAR)
     assert [(part.name, len(part)) for part in admitted.runs] == [(part.name, len(part)) for part in kept]
     assert admitted.doubts == doubts != []
-    assert admitted.warnings == [doubt.sentence for doubt in doubts] + warnings
+    assert admitted.warnings == [doubt.sentence for doubt in doubts] + screened(runs)[1] + left_out
 
 
 def test_spins_and_standstill_are_cut_and_reported_with_their_times():
@@ -123,7 +130,8 @@ def test_parts_are_long_enough_in_seconds_not_rows(period):
 def test_too_little_is_refused_with_what_would_be_enough():
     with pytest.raises(InvalidLogError, match=r"1.5 s in all are too little: 4 s in all, in parts of 1 s or more"):
         usable([gentle(1.5)], CAR)
-    assert len(usable([gentle(2.5), gentle(2.5)], CAR)[0]) == 2
+    other = gentle(2.5)
+    assert len(usable([other, dataclasses.replace(other, name="run_1", v=1.1 * other.v)], CAR)[0]) == 2
 
 
 def test_too_slow_is_refused_with_the_speed_that_would_be_enough():

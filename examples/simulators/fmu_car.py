@@ -1,4 +1,4 @@
-"""A single-track car on tanh tyres as an FMU: python -m pythonfmu build -f fmu_car.py writes FmuCar.fmu beside it."""
+"""A single-track car on tanh tyres as an FMU: `python -m pythonfmu build -f fmu_car.py` writes FmuCar.fmu here."""
 
 from math import atan2, cos, hypot, sin, tanh
 

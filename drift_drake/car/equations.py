@@ -29,7 +29,7 @@ def kind_of(constants: CarConstants) -> Any:
 
     `LACKS`: effects that mean nothing on it; `DEVIATIONS`: what a vehicle file says nothing of; `FOLDED`: effects that
     `changed_constants` puts into its numbers; `STEPPED`: whether its internal states follow a measured motion by the
-    steps of a prediction.
+    steps of a prediction; `flattened`: all of a car's numbers in one row.
     """
     return constants.simulator if isinstance(constants, SimulatorConstants) else EQUATIONS[type(constants)]
 
@@ -65,6 +65,17 @@ def decays(z: Any, constants: Any, effects: Any, out: Any) -> None:
     """Writes the rates [1/s] at which internal states return to what the motion asks of them, where they are so fast
     that a step has to be implicit in them; others are left."""
     EQUATIONS[type(constants)].decays(z, constants, effects, out)
+
+
+def cars_in_lanes(numbers: Any, effects: Any, like: Any) -> Any:
+    """The numbers and the effects of `lanes` of cars of the kind of `like`, from flat arrays (`flattened`)."""
+    return EQUATIONS[type(like)].cars_in_lanes(numbers, effects)
+
+
+@overload(cars_in_lanes, strict=False, jit_options={"forceinline": True})
+def _cars_in_lanes(numbers, effects, like):  # type: ignore[no-untyped-def]  # noqa: ARG001
+    of_kind = EQUATIONS[like.instance_class].cars_in_lanes
+    return lambda numbers, effects, like: of_kind(numbers, effects)  # noqa: ARG005
 
 
 def _compiled_by_car(function: Callable[..., Any], constants_of: Callable[..., Any]) -> None:

@@ -180,10 +180,7 @@ def _arithmetic(operation: Any, compute: Callable[[Any, Any, Any], Any]) -> None
         cases = [signature(lanes, *pair) for pair in pairs]  # noqa: RUF012
 
     def lowered(_context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
-        first, second = arguments
-        if operation is operator.truediv and second.type != DOUBLES:  # a number's reciprocal is taken once
-            return builder.fmul(first, _vector(builder, builder.fdiv(ir.Constant(second.type, 1.0), second)))
-        return compute(builder, _vector(builder, first), _vector(builder, second))
+        return compute(builder, *(_vector(builder, value) for value in arguments))
 
     for pair in pairs:
         lower_builtin(operation, *pair)(lowered)
@@ -192,7 +189,10 @@ def _arithmetic(operation: Any, compute: Callable[[Any, Any, Any], Any]) -> None
 _arithmetic(operator.add, lambda builder, a, b: builder.fadd(a, b))
 _arithmetic(operator.sub, lambda builder, a, b: builder.fsub(a, b))
 _arithmetic(operator.mul, lambda builder, a, b: builder.fmul(a, b))
-_arithmetic(operator.truediv, lambda builder, a, b: builder.fdiv(a, b))
+# By the reciprocal, which a loop takes once of what stays the same in it.
+_arithmetic(
+    operator.truediv, lambda builder, a, b: builder.fmul(a, builder.fdiv(ir.Constant(DOUBLES, [1.0] * LANES), b))
+)
 _arithmetic(operator.pow, lambda builder, a, b: builder.call(_llvm(builder, "pow", 2), [a, b]))
 
 

@@ -2,8 +2,6 @@
 
 from typing import Any
 
-import numpy as np
-
 from drift_drake.car.double_track.deviations import DEVIATIONS, deviated, value_of
 from drift_drake.car.double_track.motion import (
     MIN_RELAXATION_SPEED,
@@ -13,18 +11,37 @@ from drift_drake.car.double_track.motion import (
     own_states,
     settled_states,
 )
-from drift_drake.car.double_track.parameters import changed_constants
+from drift_drake.car.double_track.parameters import (
+    NUMBERS,
+    REAR,
+    TIRE,
+    DoubleTrackConstants,
+    changed_constants,
+    flattened,
+)
+from drift_drake.car.double_track.tyres import TireConstants
 from drift_drake.car.effects.catalogue import CATALOGUE, PARAMETRIC
-from drift_drake.car.scalar import jitable, loaded_tuple, stored
+from drift_drake.car.effects.magnitudes import COUNT, Effects
+from drift_drake.car.lanes import load_lanes_tuple
+from drift_drake.car.scalar import absolute, jitable, loaded_tuple, maximum, minimum, sqrt, stored
 
-__all__ = ["DEVIATIONS", "FOLDED", "LACKS", "SIZE", "STEPPED", "changed_constants", "decays", "deviated", "fastest",
-           "rates", "settle", "value_of"]  # fmt: skip
+__all__ = ["DEVIATIONS", "FOLDED", "LACKS", "SIZE", "STEPPED", "cars_in_lanes", "changed_constants", "decays",
+           "deviated", "fastest", "flattened", "rates", "settle", "value_of"]  # fmt: skip
 
 SIZE = 5 + OWN
 STEPPED = True  # rims ring in their tyres: along a measured motion internal states need a prediction's steps
 LACKS = NOT_OF_THIS_CAR  # effects that mean nothing on this car
 FOLDED = tuple(name for name, effect in CATALOGUE.items() if name in PARAMETRIC or effect.double_track == "parameter")
 """Effects that `changed_constants` puts into its numbers."""
+
+
+@jitable
+def cars_in_lanes(numbers: Any, effects: Any) -> Any:
+    """`DoubleTrackConstants` and `Effects` of `lanes` of cars, from flat arrays (`flattened`)."""
+    front = TireConstants(*load_lanes_tuple(numbers, NUMBERS, TIRE))
+    rear = TireConstants(*load_lanes_tuple(numbers, REAR, TIRE))
+    constants = DoubleTrackConstants(*(load_lanes_tuple(numbers, 0, NUMBERS) + (front, rear)))  # noqa: RUF005
+    return constants, Effects(*load_lanes_tuple(effects, 0, COUNT))
 
 
 @jitable
@@ -42,9 +59,8 @@ def rates(z: Any, command: Any, car: Any, out: Any) -> None:
     constants, effects, wrench = car
     delta, torque = command
     r, v, beta, omega_r, psi = loaded_tuple(z, 0, 5, delta)
-    force_x, force_y, moment = loaded_tuple(wrench, 0, 3, delta)
     motion, further = double_track_motion(r, v, beta, omega_r, psi, own_states(z, 5, delta), delta, torque, constants,
-                                          effects, force_x, force_y, moment)  # fmt: skip
+                                          effects, wrench[0], wrench[1], wrench[2])  # fmt: skip
     stored(out, 0, motion.r_dot)
     stored(out, 1, motion.v_dot)
     stored(out, 2, motion.beta_dot)
@@ -59,9 +75,10 @@ def fastest(z: Any, constants: Any, effects: Any) -> Any:
     """Rate [1/s] at which a rear rim rings in its tyre, which is that of a spring and a mass; or of a slip."""
     p = changed_constants(constants, effects)
     tire = p.rear_tire
-    ring = np.sqrt(tire.longitudinal_stiffness / (p.wheel_inertia * tire.longitudinal_relaxation)) * p.wheel_radius
-    least = min(tire.longitudinal_relaxation, tire.lateral_relaxation, p.front_tire.lateral_relaxation)
-    return max(ring, max(abs(z[1]), MIN_RELAXATION_SPEED) / least)
+    ring = sqrt(tire.longitudinal_stiffness / (p.wheel_inertia * tire.longitudinal_relaxation)) * p.wheel_radius
+    lateral = minimum(tire.lateral_relaxation, p.front_tire.lateral_relaxation)
+    rolling = maximum(absolute(z[1]), MIN_RELAXATION_SPEED)
+    return maximum(ring, rolling / minimum(tire.longitudinal_relaxation, lateral))
 
 
 @jitable

@@ -76,6 +76,15 @@ class DoubleTrackConstants(NamedTuple):
         return [(load * self.rear_axle_distance, self.front_tire), (load * self.front_axle_distance, self.rear_tire)]
 
 
+NUMBERS, TIRE = len(DoubleTrackConstants._fields) - 2, len(TireConstants._fields)  # of the car but its tyres; of each
+REAR = NUMBERS + TIRE
+
+
+def flattened(p: DoubleTrackConstants) -> tuple[Any, ...]:
+    """All numbers of a car in one row."""
+    return (*p[:NUMBERS], *p.front_tire, *p.rear_tire)
+
+
 @jitable
 def changed_tire(tire: TireConstants, stiffness: Any, friction: Any, relaxation: Any) -> TireConstants:
     """A tyre with stiffnesses and frictions times a factor, and a longer lateral relaxation [m]."""

@@ -8,7 +8,14 @@ from pydrake.common.containers import namedview
 
 from drift_drake.car.compilation import compiled
 from drift_drake.car.double_track.motion import OwnStates, check_supported, double_track_motion, settled_states
-from drift_drake.car.double_track.parameters import DoubleTrackConstants, DoubleTrackParameters
+from drift_drake.car.double_track.parameters import (
+    NUMBERS,
+    REAR,
+    TIRE,
+    DoubleTrackConstants,
+    DoubleTrackParameters,
+    flattened,
+)
 from drift_drake.car.double_track.tyres import TireConstants
 from drift_drake.car.effects.magnitudes import COUNT, Effects
 from drift_drake.car.scalar import fixed_tuple, jitable
@@ -17,17 +24,10 @@ from drift_drake.common.arrays import Array
 
 DOUBLE_TRACK_STATES = (*PLANT_STATES, *OwnStates._fields)
 DoubleTrackStateView = namedview("DoubleTrackStateView", DOUBLE_TRACK_STATES)
-NUMBERS, TIRE = len(DoubleTrackConstants._fields) - 2, len(TireConstants._fields)  # of the car but its tyres; of each
-REAR = NUMBERS + TIRE
-
-
-def flattened(p: DoubleTrackConstants) -> tuple[Any, ...]:
-    """All numbers of a car in one row; `unflattened` is the inverse."""
-    return (*p[:NUMBERS], *p.front_tire, *p.rear_tire)
 
 
 def unflattened(values: Sequence[Any]) -> DoubleTrackConstants:
-    """The car of a row of numbers."""
+    """The car of a row of numbers, the inverse of `flattened`."""
     front, rear = values[NUMBERS:REAR], values[REAR:]
     return DoubleTrackConstants._make((*values[:NUMBERS], TireConstants(*front), TireConstants(*rear)))
 

@@ -35,6 +35,11 @@ def deviated(constants: Constants, by: Mapping[str, float], effects: Effects) ->
     return constants
 
 
+def flattened(constants: Constants) -> tuple[Any, ...]:
+    """All numbers of a car in one row."""
+    return tuple(constants)
+
+
 @jitable
 def cars_in_lanes(numbers: Any, effects: Any) -> Any:
     """`Constants` and `Effects` of `lanes` of cars, from flat arrays; the tyre is the first car's."""

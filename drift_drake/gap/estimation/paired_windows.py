@@ -1,8 +1,4 @@
-"""Windows of one run under several cars, LANES pairs of a window and a car at once: prediction errors.
-
-Of cars whose internal states are slow, or few (`equations.STEPPED`): half an implicit step a row makes these follow
-the measured motion up to each start.
-"""
+"""Windows of one run under several cars of one kind, LANES pairs of a window and a car at once: prediction errors."""
 
 from typing import Any
 
@@ -11,37 +7,34 @@ import numpy as np
 from drift_drake.car.actuated import STAGES
 from drift_drake.car.compilation import compiled
 from drift_drake.car.effects.magnitudes import COUNT, Effects, unbiased
-from drift_drake.car.equations import decays, fastest, rates, settle
+from drift_drake.car.equations import cars_in_lanes, fastest, rates
 from drift_drake.car.integrate import runge_kutta
 from drift_drake.car.lanes import LANES, load_lanes, load_lanes_tuple
 from drift_drake.car.scalar import fixed_tuple, jitable, signed_floor, stored
-from drift_drake.car.single_track.equations import NUMBERS, cars_in_lanes
 from drift_drake.gap.estimation.filter_state import MIN_FILTER_SPEED, hold_speeds
-from drift_drake.gap.estimation.lane_windows import write_errors
-
-FOLLOWING = 0.0125  # [s] of a step of internal states along the measured motion, at most
 
 
 @jitable
-def _cars(constants: Any, effects: Any, car: Any, p: Any, q: Any) -> Any:
-    """Each lane's car, of constants [cars, NUMBERS + 1] and effects [cars, COUNT]; p, q: scratch."""
+def cars_of(constants: Any, effects: Any, car: Any, like: Any, p: Any, q: Any) -> Any:
+    """Each lane's car, of constants [cars, n] and effects [cars, COUNT]; p, q: scratch."""
     for lane in range(LANES):
-        for i in range(NUMBERS + 1):
+        for i in range(constants.shape[1]):
             p[i * LANES + lane] = constants[car[lane], i]
         for i in range(COUNT):
             q[i * LANES + lane] = effects[car[lane], i]
-    return cars_in_lanes(p, q)
+    return cars_in_lanes(p, q, like)
 
 
 @jitable
-def _commanded(delta: Any, torque: Any, car: Any, row: Any, step: Any, steps: Any, out: Any) -> Any:
+def commanded_in(delta: Any, torque: Any, car: Any, row: Any, step: Any, steps: Any, out: Any) -> Any:
     """Both commands of all lanes, of grids [cars, count], `step` of its steps behind each lane's row."""
     for lane in range(LANES):
-        place = min(step / steps[lane], 1.0) * STAGES
+        place = min(step * (STAGES / steps[lane]), float(STAGES))
         first = min(int(place), STAGES - 1)
-        at, of, part = STAGES * row[lane] + first, car[lane], place - first
-        out[lane] = delta[of, at] + part * (delta[of, at + 1] - delta[of, at])
-        out[LANES + lane] = torque[of, at] + part * (torque[of, at + 1] - torque[of, at])
+        at, part = STAGES * row[lane] + first, place - first
+        angles, torques = delta[car[lane]], torque[car[lane]]
+        out[lane] = angles[at] + part * (angles[at + 1] - angles[at])
+        out[LANES + lane] = torques[at] + part * (torques[at + 1] - torques[at])
     return load_lanes(out, 0), load_lanes(out, 1)
 
 
@@ -59,7 +52,7 @@ def _measured(y: Any, row: Any, step: Any, steps: Any, effects: Any, read: Any) 
 
 
 @jitable
-def _start(y: Any, row: Any, step: Any, steps: Any, effects: Any, read: Any, z: Any) -> None:
+def start_measured(y: Any, row: Any, step: Any, steps: Any, effects: Any, read: Any, z: Any) -> None:
     """The measured states, as the cars' z."""
     r, v, beta, omega_r, psi = _measured(y, row, step, steps, effects, read)
     for i, state in enumerate((r, signed_floor(v, MIN_FILTER_SPEED), beta, omega_r, psi)):
@@ -82,12 +75,13 @@ def _moved(z: Any, command: Any, car: Any, out: Any) -> None:
     """The rates times each lane's step."""
     of_cars, effects, wrench, h = car
     rates(z, command, (of_cars, effects, wrench), out)
-    for i in range(len(z)):
-        out[i] *= h[i % LANES]
+    step = load_lanes(h, 0)
+    for i in range(len(z) // LANES):
+        stored(out, i, step * load_lanes(out, i))
 
 
 @jitable
-def _wrench(wrenches: Any, car: Any, row: Any, out: Any) -> Any:
+def wrench_of(wrenches: Any, car: Any, row: Any, out: Any) -> Any:
     """Each lane's wrench, of some [cars, rows, 3]; zero where there are no rows."""
     if wrenches.shape[1] > 0:
         for lane in range(LANES):
@@ -108,67 +102,70 @@ def _set_steps(fastest_rates: Any, period: Any, bounds: Any, steps: Any) -> Any:
     return found
 
 
-@compiled
-def follow_in_lanes(
-    y: Any, starts: Any, delta: Any, torque: Any, period: Any, constants: Any, effects: Any, wrenches: Any, out: Any
-) -> Any:  # fmt: skip
-    """The internal states out [cars, windows, size] of cars along the measured motion y [rows, 5], at each start.
+@jitable
+def advance(z: Any, row: Any, lanes_of: Any, of: Any, logged: Any, period: Any, bounds: Any, scratch: Any) -> None:
+    """The states z of all lanes a row later, in place, each in steps of its own.
 
-    The arguments are those of `predict_in_pairs`.
+    Args:
+        row: of each lane; lanes_of: the cars and effects; of: index of each lane's car; logged: start_y, delta, torque,
+            wrenches and whether speeds are fed, as of `predict_in_pairs`; scratch: of `scratch_of`.
     """
-    size = out.shape[2]
-    z, k, decay = np.zeros(size * LANES), np.zeros(size * LANES), np.zeros(size * LANES)
-    command, read, wrench_now = np.zeros(2 * LANES), np.zeros(5 * LANES), np.zeros(3 * LANES)
-    p, q = np.zeros((NUMBERS + 1) * LANES), np.zeros(COUNT * LANES)
-    car, row = np.zeros(LANES, np.int64), np.zeros(LANES, np.int64)
-    count = max(2, int(np.ceil(period / FOLLOWING - 1e-9)))
-    h, steps = period / count, np.full(LANES, count)
-    for first in range(0, len(constants), LANES):
-        for lane in range(LANES):
-            car[lane] = min(first + lane, len(constants) - 1)
-        of_cars, q_cars = _cars(constants, effects, car, p, q)
-        row[:] = 0
-        _start(y, row, 0.0, steps, q_cars, read, z)
-        begin = _commanded(delta, torque, car, row, 0.0, steps, command)
-        settle(z, begin[0], begin[1], of_cars, q_cars)
-        for s in range(len(starts)):
-            while row[0] < starts[s]:
-                wrench = _wrench(wrenches, car, row, wrench_now)
-                for step in range(count):
-                    _start(y, row, step + 0.5, steps, q_cars, read, z)
-                    here = _commanded(delta, torque, car, row, step + 0.5, steps, command)
-                    rates(z, here, (of_cars, q_cars, wrench), k)
-                    decays(z, of_cars, q_cars, decay)
-                    for i in range(5 * LANES, size * LANES):
-                        z[i] += h * k[i] / (1.0 + h * decay[i])
-                row += 1
-            for lane in range(min(LANES, len(constants) - first)):
-                for i in range(size):
-                    out[first + lane, s, i] = z[i * LANES + lane]
+    of_cars, q_cars = lanes_of
+    y, delta, torque, wrenches, fed = logged
+    k, w, command, read, wrench_now, steps, h = scratch
+    wrench = wrench_of(wrenches, of, row, wrench_now)
+    stored(k, 0, fastest(load_lanes_tuple(z, 0, 4), of_cars, q_cars))
+    begin = commanded_in(delta, torque, of, row, 0.0, steps, command)
+    for step in range(_set_steps(k, period, bounds, steps)):
+        for lane in range(LANES):  # one that is there already waits
+            h[lane] = period / steps[lane] if step < steps[lane] else 0.0
+        if fed:
+            _feed(y, row, float(step), steps, q_cars, read, z)
+        middle = commanded_in(delta, torque, of, row, step + 0.5, steps, command)
+        end = commanded_in(delta, torque, of, row, step + 1.0, steps, command)
+        runge_kutta(_moved, z, begin, middle, end, 1.0, (of_cars, q_cars, wrench, h), k, w)
+        begin = end
+        hold_speeds(z, q_cars[0])
+
+
+@jitable
+def scratch_of(size: Any) -> Any:
+    """What `advance` writes to: rates, work, commands, measurements, wrenches, steps, their lengths."""
+    return (np.zeros(size * LANES), np.zeros((2, size * LANES)), np.zeros(2 * LANES), np.zeros(5 * LANES),
+            np.zeros(3 * LANES), np.ones(LANES, np.int64), np.zeros(LANES))  # fmt: skip
+
+
+@jitable
+def _write_errors(y: Any, end: Any, effects: Any, z: Any, lane: Any, out: Any) -> None:
+    """Writes the errors [5] at a row of one lane of the cars z [size * LANES]."""
+    r, v, beta, omega_r = unbiased(y[end, 0], y[end, 1], y[end, 2], y[end, 3], effects)
+    out[0], out[1] = r - z[lane], v - z[LANES + lane]
+    out[2], out[3] = beta - z[2 * LANES + lane], omega_r - z[3 * LANES + lane]
+    out[4] = y[end, 4] - z[4 * LANES + lane]
 
 
 @compiled
 def predict_in_pairs(
-    start_y: Any, y: Any, starts: Any, stride_rows: Any, delta: Any, torque: Any, period: Any, constants: Any,
-    effects: Any, fed: Any, wrenches: Any, bounds: Any, internal: Any, out: Any,
+    start_y: Any, y: Any, starts: Any, stride_rows: Any, delta: Any, torque: Any, period: Any, like: Any,
+    constants: Any, effects: Any, fed: Any, wrenches: Any, bounds: Any, internal: Any, out: Any,
 ) -> Any:  # fmt: skip
     """Prediction errors out [cars, windows, horizons, 5], measured less predicted, of the windows of one run.
 
     Args:
         start_y, y: smoothed and raw measurements [rows, 5]; starts: rows [windows], ascending; stride_rows: between
             horizons; delta, torque: on the stages' grid (`actuated`), of each car [cars, count]; period: [s].
-        constants [cars, NUMBERS + 1], effects [cars, COUNT]: the cars, without effects of actuators.
+        like: one of the cars, for its kind; constants [cars, n] (`flattened`), effects [cars, COUNT]: the cars, without
+            effects of actuators.
         fed: whether speeds are those of the measurement; wrenches: further force and moment on the body
             [cars, rows, 3] (`road.on_road`), none with zero rows.
         bounds: of a step [s], of a step times the fastest rate, and of steps a row.
-        internal: of `follow_in_lanes`.
+        internal: the cars' states at each start (`followed`) [cars, windows, size], of which the first five are not
+            read.
     """
     windows, size = len(starts), internal.shape[2]
-    z, k, w = np.zeros(size * LANES), np.zeros(size * LANES), np.zeros((2, size * LANES))
-    command, read, wrench_now = np.zeros(2 * LANES), np.zeros(5 * LANES), np.zeros(3 * LANES)
-    p, q = np.zeros((NUMBERS + 1) * LANES), np.zeros(COUNT * LANES)
+    z, scratch = np.zeros(size * LANES), scratch_of(size)
+    p, q = np.zeros(constants.shape[1] * LANES), np.zeros(COUNT * LANES)
     car, window, row = np.zeros(LANES, np.int64), np.zeros(LANES, np.int64), np.zeros(LANES, np.int64)
-    steps, h = np.ones(LANES, np.int64), np.zeros(LANES)
     pairs = len(constants) * windows
     for first in range(0, pairs, LANES):
         for lane in range(LANES):
@@ -177,24 +174,12 @@ def predict_in_pairs(
             row[lane] = starts[window[lane]]
             for i in range(5, size):
                 z[i * LANES + lane] = internal[car[lane], window[lane], i]
-        of_cars, q_cars = _cars(constants, effects, car, p, q)
-        _start(start_y, row, 0.0, steps, q_cars, read, z)
+        here = cars_of(constants, effects, car, like, p, q)
+        start_measured(start_y, row, 0.0, scratch[5], here[1], scratch[3], z)
         for horizon in range(out.shape[2]):
             for _ in range(stride_rows):
-                wrench = _wrench(wrenches, car, row, wrench_now)
-                stored(k, 0, fastest(load_lanes_tuple(z, 0, 4), of_cars, q_cars))
-                begin = _commanded(delta, torque, car, row, 0.0, steps, command)
-                for step in range(_set_steps(k, period, bounds, steps)):
-                    for lane in range(LANES):  # one that is there already waits
-                        h[lane] = period / steps[lane] if step < steps[lane] else 0.0
-                    if fed:
-                        _feed(start_y, row, float(step), steps, q_cars, read, z)
-                    middle = _commanded(delta, torque, car, row, step + 0.5, steps, command)
-                    end = _commanded(delta, torque, car, row, step + 1.0, steps, command)
-                    runge_kutta(_moved, z, begin, middle, end, 1.0, (of_cars, q_cars, wrench, h), k, w)
-                    begin = end
-                    hold_speeds(z, q_cars[0])
+                advance(z, row, here, car, (start_y, delta, torque, wrenches, fed), period, bounds, scratch)
                 row += 1
             for lane in range(min(LANES, pairs - first)):
                 own = Effects(*fixed_tuple(effects[car[lane]], COUNT))
-                write_errors(y, row[lane], own, z, lane, LANES, out[car[lane], window[lane], horizon])
+                _write_errors(y, row[lane], own, z, lane, out[car[lane], window[lane], horizon])

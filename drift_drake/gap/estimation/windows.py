@@ -15,18 +15,17 @@ import numpy as np
 
 from drift_drake.car.actuated import actuated, without_actuators
 from drift_drake.car.effects.catalogue import wheelbase
-from drift_drake.car.effects.installed import installed_effects
 from drift_drake.car.effects.magnitudes import Effects
 from drift_drake.car.equations import CarConstants, kind_of, size_of
 from drift_drake.car.foreign.simulator import SimulatorConstants
 from drift_drake.car.lanes import LANES
 from drift_drake.car.log.table import Run
-from drift_drake.car.parameters import Constants, VehicleParameters
+from drift_drake.car.parameters import VehicleParameters
 from drift_drake.car.road import NO_WRENCH, on_road, with_bank
 from drift_drake.car.single_track.equations import REMEMBERING
 from drift_drake.gap.estimation.filter_state import CHANNELS
-from drift_drake.gap.estimation.lane_windows import predict_in_lanes, predict_one_by_one
-from drift_drake.gap.estimation.paired_windows import follow_in_lanes, predict_in_pairs
+from drift_drake.gap.estimation.followed import follow_by_steps, follow_in_lanes
+from drift_drake.gap.estimation.paired_windows import predict_in_pairs
 from drift_drake.gap.estimation.run_data import RunData, prepare_run
 from drift_drake.gap.estimation.simulated_windows import simulated_errors
 
@@ -42,7 +41,6 @@ STEP = 0.01  # [s] of Runge-Kutta, at most
 STEPS_PER_RATE = 1.5  # of the fastest settling time that a step may take
 MOST_STEPS = 32  # a row
 BOUNDS = (STEP, STEPS_PER_RATE, MOST_STEPS)
-FEW = 2  # windows, up to which one by one takes less than `LANES` at once
 TOGETHER = LANES  # cars that a thread takes on at a time
 ASKED = 16  # cars at once whose roll-outs a simulator of the user's is asked for
 THREADS = 2
@@ -152,28 +150,25 @@ def run_errors_of(
     if isinstance(cars[0][0], SimulatorConstants):
         return np.stack([found for (found,) in simulated_errors([run], simulated(cars), horizons, [wrench])])
     driven = [_driven(run, constants, effects, wrench) for constants, effects in cars]
+    like, kind = cars[0][0], kind_of(cars[0][0])
+    deltas, torques, magnitudes, banks = map(np.array, zip(*driven, strict=True))
+    numbers = np.array([kind.flattened(car) for car, _ in cars], dtype=float)
     out = np.empty((len(cars), len(run.starts), horizons, len(PREDICTED)))
-    if kind_of(cars[0][0]).STEPPED:
-        one_by_one = installed_effects() or len(run.starts) <= FEW
-        for (constants, _), (delta, torque, effects, banked), found in zip(cars, driven, out, strict=True):
-            (predict_one_by_one if one_by_one else predict_in_lanes)(
-                run.start_y, run.y, run.starts, run.stride_rows, delta, torque, run.period, constants, effects, run.fed,
-                banked, size_of(constants), BOUNDS, found,
-            )  # fmt: skip
+    internal = np.zeros((len(cars), len(run.starts), size_of(like)))
+    if kind.STEPPED:
+        follow_by_steps(run.start_y, run.starts, deltas, torques, run.period, like, numbers, magnitudes, run.fed,
+                        banks, BOUNDS, internal)  # fmt: skip
     else:
-        deltas, torques, magnitudes, banks = map(np.array, zip(*driven, strict=True))
-        numbers = np.array([tuple(car) for car, _ in cars], dtype=float)
-        internal = np.zeros((len(cars), len(run.starts), size_of(cars[0][0])))
         some = np.flatnonzero(np.any(magnitudes[:, [Effects._fields.index(name) for name in REMEMBERING]], axis=1))
         if len(some):
             followed = np.empty((len(some), *internal.shape[1:]))
-            follow_in_lanes(run.start_y, run.starts, deltas[some], torques[some], run.period, numbers[some],
+            follow_in_lanes(run.start_y, run.starts, deltas[some], torques[some], run.period, like, numbers[some],
                             magnitudes[some], banks[some], followed)  # fmt: skip
             internal[some] = followed
-        predict_in_pairs(
-            run.start_y, run.y, run.starts, run.stride_rows, deltas, torques, run.period, numbers, magnitudes,
-            run.fed, banks, BOUNDS, internal, out,
-        )  # fmt: skip
+    predict_in_pairs(
+        run.start_y, run.y, run.starts, run.stride_rows, deltas, torques, run.period, like, numbers, magnitudes,
+        run.fed, banks, BOUNDS, internal, out,
+    )  # fmt: skip
     out[~(np.abs(out) < LARGEST_ERROR)] = LARGEST_ERROR
     out[..., ~run.used] = 0.0
     return out
@@ -231,8 +226,6 @@ def errors_of_all(
         none = [NO_WRENCH] * len(runs)
         return [np.concatenate(one) for part in asked for one in simulated_errors(runs, part, horizons, none)]
     with ThreadPoolExecutor(threads) as pool:
-        if not isinstance(cars[0][0], Constants):
-            return list(pool.map(lambda car: errors(runs, car[0], car[1], horizons), cars))
         some = [cars[first : first + TOGETHER] for first in range(0, len(cars), TOGETHER)]
         found = pool.map(lambda part: np.concatenate([run_errors_of(run, part, horizons) for run in runs], 1), some)
         return [e for part in found for e in part]

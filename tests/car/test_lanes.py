@@ -9,7 +9,7 @@ from drift_drake.car import equations, scalar
 from drift_drake.car.compilation import compiled
 from drift_drake.car.double_track.parameters import CARS
 from drift_drake.car.effects.magnitudes import Effects
-from drift_drake.car.lanes import LANES, load_lanes, store_lanes
+from drift_drake.car.lanes import LANES, load_lanes, load_lanes_tuple, store_lanes
 from drift_drake.common.arrays import Array
 
 UNARY = (math.sin, math.cos, math.atan, math.exp, math.tanh, math.sqrt)
@@ -44,7 +44,7 @@ def _rates(z: Array, command: Array, constants: tuple[float, ...], effects: Effe
            out: Array) -> None:  # fmt: skip
     commands = load_lanes(command, 0), load_lanes(command, 1)
     equations.settle(z, commands[0], commands[1], constants, effects)
-    equations.rates(z, commands, (constants, effects, wrench), out)
+    equations.rates(z, commands, (constants, effects, load_lanes_tuple(wrench, 0, 3)), out)
 
 
 def test_elementary_functions_are_those_of_one_number() -> None:

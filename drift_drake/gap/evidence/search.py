@@ -123,15 +123,20 @@ class Search:
         return curves
 
     def _first(self, name: str) -> list[float]:
-        """Magnitudes of an effect that are predicted first; of a slow simulator those of the likelier sign."""
+        """Magnitudes of an effect that are predicted first; of a slow simulator those of the likelier sign.
+
+        By derivatives, where scores and errors ask for the same sign: scores of errors that are clipped may mislead.
+        """
         day, few = self.day, is_slow(self.day.constants)
         magnitudes = sorted({float(q) for q in tried_first(self.ranges[name], few)})
         if not few or name not in self.normal.names or magnitudes[0] > 0.0:
             return magnitudes
         at = self.normal.names.index(name)
         slope = day.jacobian[..., at].reshape(day.errors.shape) * self.normal.scales / self.normal.units[at]
-        likeliest = min(magnitudes, key=lambda q: float(self.nats(self._scores(day.errors + q * slope))))
-        return [q for q in magnitudes if q * likeliest > 0.0]
+        there = {q: day.errors + q * slope for q in magnitudes}
+        likeliest = min(magnitudes, key=lambda q: float(self.nats(self._scores(there[q]))))
+        closest = min(magnitudes, key=lambda q: float(np.mean(self.normal.squares(there[q]))))
+        return [q for q in magnitudes if q * likeliest > 0.0 or q * closest > 0.0]
 
     def pairs(self, singles: Sequence[Hypothesis], progress: Callable[[float], None]) -> list[Hypothesis]:
         """Pairs grown from the best singles, jointly fitted; best first."""

@@ -65,3 +65,13 @@ def test_it_is_asked_first_for_magnitudes_of_the_likelier_sign(other_car, search
     assert all(q > 0.0 for q in search._first("steering_delay"))
     best = search.singles(lambda _: None)[0]
     assert best.magnitudes == pytest.approx(bias, rel=0.2)
+
+
+@pytest.mark.usefixtures("asked_of")
+def test_it_is_asked_for_both_signs_where_scores_and_errors_ask_for_different_ones(other_car, searched, monkeypatch):
+    """Scores of errors that are clipped may look more normal with the wrong sign."""
+    search = searched(other_car.day({"gyro_bias": 0.04}, 3), ["gyro_bias"])
+    nats = search.nats
+    monkeypatch.setattr(search, "nats", lambda found: -nats(found))
+    signs = np.sign(search._first("gyro_bias"))
+    assert set(signs) == {-1.0, 1.0}

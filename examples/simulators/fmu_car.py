@@ -1,6 +1,7 @@
 """A single-track car on tanh tyres as an FMU: `python -m pythonfmu build -f fmu_car.py` writes FmuCar.fmu here."""
 
 from math import atan2, cos, hypot, sin, tanh
+from typing import Any
 
 from pythonfmu import Fmi2Causality, Fmi2Slave, Fmi2Variability, Real
 
@@ -20,7 +21,7 @@ STARTS = {"vx0": 12.0, "vy0": 0.0, "r0": 0.0, "w0": 37.5}
 
 
 class FmuCar(Fmi2Slave):
-    def __init__(self, **kwargs):
+    def __init__(self, **kwargs: Any) -> None:
         super().__init__(**kwargs)
         for name, value in (PARAMETERS | STARTS).items():
             setattr(self, name, value)
@@ -32,10 +33,10 @@ class FmuCar(Fmi2Slave):
             setattr(self, name, 0.0)
             self.register_variable(Real(name, causality=Fmi2Causality.output))
 
-    def exit_initialization_mode(self):
+    def exit_initialization_mode(self) -> None:
         self.vx, self.vy, self.r, self.w, self.psi = self.vx0, self.vy0, self.r0, self.w0, 0.0
 
-    def _rates(self, vx, vy, r, w):
+    def _rates(self, vx: float, vy: float, r: float, w: float) -> tuple[float, float, float, float]:
         base, weight = self.lf + self.lr, self.m * 9.81
         front, rear = self.mu * weight * self.lr / base, self.mu * weight * self.lf / base
         roll = max(vx, 1.0)
@@ -50,7 +51,7 @@ class FmuCar(Fmi2Slave):
         moment = self.lf * f_front * cos(self.steer) - self.lr * f_y + self.mz
         return a_x + r * vy, a_y - r * vx, moment / self.J, (self.torque - f_x * self.radius) / self.jw
 
-    def do_step(self, current_time, step_size):  # noqa: ARG002
+    def do_step(self, current_time: float, step_size: float) -> bool:  # noqa: ARG002
         steps = max(round(step_size / STEP), 1)
         h = step_size / steps
         for _ in range(steps):

@@ -23,6 +23,7 @@ from drift_drake.gap.estimation.make_problem import make_problem
 from drift_drake.car.double_track.parameters import CARS
 from drift_drake.car.double_track.plant import DoubleTrackPlant
 from drift_drake.car.effects.magnitudes import measured, unbiased
+from drift_drake.gap.estimation.windows import run_errors_of, windowed
 
 car = VehicleParameters()
 
@@ -85,26 +86,37 @@ except ValueError as error:
     assert "side_wind" in str(error)
 
 # The filter: what a side wind does to a straight drive is small once it is known of.
-rows, gust = 60, 1200.0
-t = 0.02 * np.arange(rows)
-plant = VehiclePlant(car, make_effects({"side_wind": gust}))
 from pydrake.systems.analysis import Simulator
-simulator = Simulator(plant)
-context = simulator.get_mutable_context()
-plant.GetInputPort("actuation").FixValue(context, [0.0, 100.0])
-plant.set_initial(context, [0.0, 15.0, 0.0, 15.1, 0.0, 0.0], pose=(0.0, 0.0, 0.0), actuation=(0.0, 100.0))
-states = []
-for time in t:
-    simulator.AdvanceTo(time)
-    states.append(context.get_continuous_state_vector().CopyToVector())
-x = np.array(states) + np.random.default_rng(0).normal(size=(rows, len(states[0]))) * 1e-3
-run = Run("run_0", t, x[:, 0], x[:, 1], np.zeros(rows), np.full(rows, 100.0), x[:, 2], x[:, 3], x=x[:, 7], y=x[:, 8],
-          psi=x[:, 9])
+
+def driven(plant, t):
+    simulator = Simulator(plant)
+    context = simulator.get_mutable_context()
+    plant.GetInputPort("actuation").FixValue(context, [0.0, 100.0])
+    plant.set_initial(context, [0.0, 15.0, 0.0, 15.1, 0.0, 0.0], pose=(0.0, 0.0, 0.0), actuation=(0.0, 100.0))
+    states = []
+    for time in t:
+        simulator.AdvanceTo(time)
+        states.append(context.get_continuous_state_vector().CopyToVector()[:10])
+    return np.array(states) + np.random.default_rng(0).normal(size=(len(t), 10)) * 1e-3
+
+def logged(t, x):
+    return Run("run_0", t, x[:, 0], x[:, 1], np.zeros(len(t)), np.full(len(t), 100.0), x[:, 2], x[:, 3], x=x[:, 7],
+               y=x[:, 8], psi=x[:, 9])
+
+t, gust = 0.02 * np.arange(60), 1200.0
+run = logged(t, driven(VehiclePlant(car, make_effects({"side_wind": gust})), t))
 problem = make_problem([run], car)
 theta = np.zeros(problem.nuisances)
 without = filter_case(problem, theta, ())
 known = filter_case(problem, np.append(theta, gust), ("side_wind",))
 assert np.sum(known.innovations[0] ** 2) < 0.7 * np.sum(without.innovations[0] ** 2)
+
+# The same of predictions of a double-track car.
+t = 0.01 * np.arange(200)
+run = windowed(logged(t, driven(DoubleTrackPlant(CARS["coupe"], make_effects({"side_wind": gust})), t)))
+constants = CARS["coupe"].constants()
+known, without = run_errors_of(run, [(constants, make_effects({"side_wind": q})) for q in (gust, 0.0)])
+assert np.abs(known[:, -1, 0]).max() < 0.2 * np.abs(without[:, -1, 0]).max()
 print("all hold")
 """
 

@@ -12,7 +12,7 @@ from typing import Any
 from numba.extending import overload
 
 from drift_drake.car.double_track import equations as double_track
-from drift_drake.car.double_track.parameters import DoubleTrackConstants
+from drift_drake.car.double_track.constants import DoubleTrackConstants
 from drift_drake.car.effects.magnitudes import Effects
 from drift_drake.car.foreign.simulator import SimulatorConstants
 from drift_drake.car.parameters import Constants

@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 
 from drift_drake.car.compilation import compiled
+from drift_drake.car.double_track.constants import DoubleTrackConstants
 from drift_drake.car.double_track.motion import OwnStates, double_track_motion, own_states, settled_states
-from drift_drake.car.double_track.parameters import DoubleTrackConstants
 from drift_drake.car.effects.delays import command_delays
 from drift_drake.car.effects.magnitudes import Effects
 from drift_drake.car.integrate import runge_kutta

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from drift_drake.car.double_track.constants import changed_constants as changed_double_track
 from drift_drake.car.double_track.parameters import DoubleTrackParameters
-from drift_drake.car.double_track.parameters import changed_constants as changed_double_track
 from drift_drake.car.effects import changed
 from drift_drake.car.effects.catalogue import CATALOGUE, OWN, PARAMETRIC, fitted, shown_by
 from drift_drake.car.effects.delays import sensor_delay

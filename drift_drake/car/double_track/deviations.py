@@ -6,7 +6,7 @@ The tyres' numbers are those of all four: stiffnesses and friction differ betwee
 from collections.abc import Mapping
 
 from drift_drake.car.deviation import Deviation
-from drift_drake.car.double_track.parameters import DoubleTrackConstants, changed_constants
+from drift_drake.car.double_track.constants import DoubleTrackConstants, changed_constants
 from drift_drake.car.double_track.tyres import TireConstants
 from drift_drake.car.effects.magnitudes import Effects
 

@@ -2,6 +2,14 @@
 
 from typing import Any
 
+from drift_drake.car.double_track.constants import (
+    NUMBERS,
+    REAR,
+    TIRE,
+    DoubleTrackConstants,
+    changed_constants,
+    flattened,
+)
 from drift_drake.car.double_track.deviations import DEVIATIONS, deviated, value_of
 from drift_drake.car.double_track.motion import (
     MIN_RELAXATION_SPEED,
@@ -10,14 +18,6 @@ from drift_drake.car.double_track.motion import (
     double_track_motion,
     own_states,
     settled_states,
-)
-from drift_drake.car.double_track.parameters import (
-    NUMBERS,
-    REAR,
-    TIRE,
-    DoubleTrackConstants,
-    changed_constants,
-    flattened,
 )
 from drift_drake.car.double_track.tyres import TireConstants
 from drift_drake.car.effects.catalogue import CATALOGUE, PARAMETRIC

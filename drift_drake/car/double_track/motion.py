@@ -10,7 +10,7 @@ centre of gravity: the ground forces act on the axis, which a roll moves against
 
 from typing import Any, NamedTuple
 
-from drift_drake.car.double_track.parameters import DoubleTrackConstants, changed_constants
+from drift_drake.car.double_track.constants import DoubleTrackConstants, changed_constants
 from drift_drake.car.double_track.tyres import tire_force
 from drift_drake.car.effects.catalogue import CATALOGUE
 from drift_drake.car.effects.magnitudes import (

@@ -7,15 +7,9 @@ import numpy as np
 from pydrake.common.containers import namedview
 
 from drift_drake.car.compilation import compiled
+from drift_drake.car.double_track.constants import NUMBERS, REAR, TIRE, DoubleTrackConstants, flattened, unflattened
 from drift_drake.car.double_track.motion import OwnStates, check_supported, double_track_motion, settled_states
-from drift_drake.car.double_track.parameters import (
-    NUMBERS,
-    REAR,
-    TIRE,
-    DoubleTrackConstants,
-    DoubleTrackParameters,
-    flattened,
-)
+from drift_drake.car.double_track.parameters import DoubleTrackParameters
 from drift_drake.car.double_track.tyres import TireConstants
 from drift_drake.car.effects.magnitudes import COUNT, Effects
 from drift_drake.car.scalar import fixed_tuple, jitable
@@ -24,12 +18,6 @@ from drift_drake.common.arrays import Array
 
 DOUBLE_TRACK_STATES = (*PLANT_STATES, *OwnStates._fields)
 DoubleTrackStateView = namedview("DoubleTrackStateView", DOUBLE_TRACK_STATES)
-
-
-def unflattened(values: Sequence[Any]) -> DoubleTrackConstants:
-    """The car of a row of numbers, the inverse of `flattened`."""
-    front, rear = values[NUMBERS:REAR], values[REAR:]
-    return DoubleTrackConstants._make((*values[:NUMBERS], TireConstants(*front), TireConstants(*rear)))
 
 
 @jitable

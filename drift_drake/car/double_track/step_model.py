@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drift_drake.car.compilation import compiled
+from drift_drake.car.double_track.constants import DoubleTrackConstants
 from drift_drake.car.double_track.motion import (
     OWN,
     OwnStates,
@@ -19,7 +20,7 @@ from drift_drake.car.double_track.motion import (
     own_states,
     settled_states,
 )
-from drift_drake.car.double_track.parameters import DoubleTrackConstants, DoubleTrackParameters
+from drift_drake.car.double_track.parameters import DoubleTrackParameters
 from drift_drake.car.effects.magnitudes import Effects
 from drift_drake.car.integrate import paths
 from drift_drake.car.internal_states import RememberingStepModel, check_one_step, check_states

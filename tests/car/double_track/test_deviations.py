@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from drift_drake.car.double_track.constants import flattened
 from drift_drake.car.double_track.deviations import DEVIATIONS, deviated, value_of
 from drift_drake.car.double_track.nearest import nearest_double_track
-from drift_drake.car.double_track.parameters import flattened
 from drift_drake.car.effects.magnitudes import Effects
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.gap.estimation.unknowns import deviations_of

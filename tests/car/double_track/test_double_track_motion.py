@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
+from drift_drake.car.double_track.constants import changed_constants
 from drift_drake.car.double_track.motion import (
     NOT_OF_THIS_CAR,
     OwnStates,
@@ -20,7 +21,7 @@ from drift_drake.car.double_track.motion import (
     wheel_forces,
     wheel_loads,
 )
-from drift_drake.car.double_track.parameters import CARS, DoubleTrackParameters, changed_constants
+from drift_drake.car.double_track.parameters import CARS, DoubleTrackParameters
 from drift_drake.car.effects.catalogue import CATALOGUE, OFF_THE_MOTION
 from drift_drake.car.effects.magnitudes import Effects
 from drift_drake.car.single_track.motion import motion

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from drift_drake.car.double_track.parameters import CARS, DoubleTrackParameters, TireParameters, changed_constants
+from drift_drake.car.double_track.constants import changed_constants
+from drift_drake.car.double_track.parameters import CARS, DoubleTrackParameters, TireParameters
 from drift_drake.car.effects.magnitudes import Effects
 from drift_drake.car.parameters import InvalidVehicleError, Tolerance
 

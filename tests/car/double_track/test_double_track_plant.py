@@ -8,15 +8,10 @@ from pydrake.autodiffutils import ExtractGradient, InitializeAutoDiff
 from pydrake.symbolic import MakeVectorVariable
 from pydrake.systems.analysis import ResetIntegratorFromFlags, Simulator
 
+from drift_drake.car.double_track.constants import flattened, unflattened
 from drift_drake.car.double_track.motion import NOT_OF_THIS_CAR
 from drift_drake.car.double_track.parameters import CARS, DoubleTrackParameters
-from drift_drake.car.double_track.plant import (
-    DOUBLE_TRACK_STATES,
-    DoubleTrackPlant,
-    double_track_rates,
-    flattened,
-    unflattened,
-)
+from drift_drake.car.double_track.plant import DOUBLE_TRACK_STATES, DoubleTrackPlant, double_track_rates
 from drift_drake.car.effects.magnitudes import Effects
 from drift_drake.car.parameters import InvalidVehicleError, VehicleParameters
 from drift_drake.car.single_track.plant import VehiclePlant

@@ -8,10 +8,11 @@ import sys
 import threading
 import time
 from pathlib import Path
+from typing import Any
 
 import pytest
 
-from drift_drake.common.interruption import BAD_INPUT, ctrl_c_waits, ended_well, signals_wait
+from drift_drake.common.interruption import BAD_INPUT, ENDS, ctrl_c_waits, ended_well, signals_wait
 
 BEGINNING = """
 import time
@@ -108,3 +109,23 @@ def test_memory_that_is_short_is_one_sentence(error: BaseException, capsys: pyte
     assert ended_well(run, "drift-drake: ", "") == BAD_INPUT
     sentence = "drift-drake: there is too little memory for this; end other programs, or give less at a time\n"
     assert capsys.readouterr().err == sentence
+
+
+def test_a_signal_that_comes_while_the_command_is_left_is_said_in_one_line(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    before, asked, real = {number: signal.getsignal(number) for number in ENDS}, list[int](), signal.signal
+
+    def put(number: signal.Signals, handler: Any) -> Any:
+        asked.append(number)
+        if len(asked) == len(ENDS) + 1:  # the first that is put back
+            signal.raise_signal(signal.SIGTERM)
+        return real(number, handler)
+
+    monkeypatch.setattr(signal, "signal", put)
+    try:
+        assert ended_well(lambda: 0, "drift-drake: ", "what is done stays") == 143
+    finally:
+        for number, handler in before.items():
+            real(number, handler)
+    assert capsys.readouterr().err == "drift-drake: terminated; what is done stays\n"

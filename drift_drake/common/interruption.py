@@ -130,24 +130,33 @@ def ended_well(run: Callable[[], int], prefix: str, kept: str) -> int:
     Args:
         prefix: of the line that it ends with; kept: what is said of its results where a signal ended it.
     """
-    with terminable() as came:
-        try:
-            code = run()
-            sys.stdout.flush()
-            return code
-        except BaseException as error:
-            if isinstance(error, BrokenPipeError) and not came:
-                # `| head` has read what it wanted; nothing more can be said, not even at exit.
-                _to_nowhere(sys.stdout)
-                return NOT_READ
-            answer = _answer(error, came, kept)
-            if answer is None:
-                raise
-            with contextlib.suppress(OSError):  # whose reader is gone, too
-                print(f"{prefix}{answer[0]}", file=sys.stderr, flush=True)
-            _to_nowhere_if_broken(sys.stdout)
-            _to_nowhere_if_broken(sys.stderr)
-            return answer[1]
+    came: list[signal.Signals] = []
+    try:
+        with terminable() as came:
+            try:
+                code = run()
+                sys.stdout.flush()
+                return code
+            except BaseException as error:
+                return _ended_by(error, came, prefix, kept)
+    except (KeyboardInterrupt, TerminatedError) as error:  # which came while the block was left
+        return _ended_by(error, came, prefix, kept)
+
+
+def _ended_by(error: BaseException, came: Sequence[signal.Signals], prefix: str, kept: str) -> int:
+    """Says what ended a command; its exit code. Raises a fault of ours."""
+    if isinstance(error, BrokenPipeError) and not came:
+        # `| head` has read what it wanted; nothing more can be said, not even at exit.
+        _to_nowhere(sys.stdout)
+        return NOT_READ
+    answer = _answer(error, came, kept)
+    if answer is None:
+        raise error
+    with contextlib.suppress(OSError):  # whose reader is gone, too
+        print(f"{prefix}{answer[0]}", file=sys.stderr, flush=True)
+    _to_nowhere_if_broken(sys.stdout)
+    _to_nowhere_if_broken(sys.stderr)
+    return answer[1]
 
 
 def stand_in_for_closed_streams(prefix: str = "drift-drake: ") -> int | None:

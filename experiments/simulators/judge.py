@@ -62,12 +62,10 @@ def judged(world: Path, out: Path, workers: int) -> tuple[dict[str, Any], list[R
 def fresh_errors(world: Path, calibrated: Path) -> tuple[float, float]:
     """Errors half a second ahead on the world's days without a change, of those of the first guess: the calibrated
     car's and the true car's, which sensors' noise alone leaves. Medians, their geometric mean over the states."""
-    (guess, _), values = (
-        led_in(read_simulator_car(world / "start.yaml")),
-        json.loads((world / "truth.json").read_text()),
-    )
+    guess, _ = led_in(read_simulator_car(world / "start.yaml"))
+    values = json.loads((world / "truth.json").read_text())["values"]
     start, (found, effects) = guess.constants(), read_car(calibrated)
-    true = start._replace(values=tuple(values["values"][name] for name in start.by_name()))
+    true = start._replace(values=tuple(values[name] for name in start.by_name()))
     labels = json.loads((world / "labels.json").read_text())
     unchanged = [code for code, label in labels.items() if not label["effects"] and not label["strange"]]
     runs, _, _ = admit([run for code in unchanged for run in read_case(world / code)], guess)

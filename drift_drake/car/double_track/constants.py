@@ -1,12 +1,11 @@
 """A double-track car's numbers, in the form that its equations and compiled code read."""
 
-from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 from drift_drake.car.double_track.tyres import TireConstants, friction_at, stiffness_per_load
 from drift_drake.car.effects import changed
 from drift_drake.car.effects.magnitudes import Effects
-from drift_drake.car.scalar import jitable
+from drift_drake.car.scalar import jitable, loaded_tuple
 
 
 class DoubleTrackConstants(NamedTuple):
@@ -76,10 +75,13 @@ def flattened(p: DoubleTrackConstants) -> tuple[Any, ...]:
     return (*p[:NUMBERS], *p.front_tire, *p.rear_tire)
 
 
-def unflattened(values: Sequence[Any]) -> DoubleTrackConstants:
-    """The car of a row of numbers, the inverse of `flattened`."""
-    front, rear = values[NUMBERS:REAR], values[REAR:]
-    return DoubleTrackConstants._make((*values[:NUMBERS], TireConstants(*front), TireConstants(*rear)))
+@jitable
+def unflattened(values: Any, like: Any = 0.0) -> DoubleTrackConstants:
+    """The car of a row of numbers, the inverse of `flattened`; where `like` is `lanes`, that many cars of a flat array
+    (`scalar.loaded_tuple`)."""
+    front = TireConstants(*loaded_tuple(values, NUMBERS, TIRE, like))
+    rear = TireConstants(*loaded_tuple(values, REAR, TIRE, like))
+    return DoubleTrackConstants(*(loaded_tuple(values, 0, NUMBERS, like) + (front, rear)))  # noqa: RUF005 (for numba)
 
 
 @jitable

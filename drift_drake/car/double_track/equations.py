@@ -2,14 +2,7 @@
 
 from typing import Any
 
-from drift_drake.car.double_track.constants import (
-    NUMBERS,
-    REAR,
-    TIRE,
-    DoubleTrackConstants,
-    changed_constants,
-    flattened,
-)
+from drift_drake.car.double_track.constants import changed_constants, flattened, unflattened
 from drift_drake.car.double_track.deviations import DEVIATIONS, deviated, value_of
 from drift_drake.car.double_track.motion import (
     MIN_RELAXATION_SPEED,
@@ -19,10 +12,9 @@ from drift_drake.car.double_track.motion import (
     own_states,
     settled_states,
 )
-from drift_drake.car.double_track.tyres import TireConstants
 from drift_drake.car.effects.catalogue import CATALOGUE, PARAMETRIC
 from drift_drake.car.effects.magnitudes import COUNT, Effects
-from drift_drake.car.lanes import load_lanes_tuple
+from drift_drake.car.lanes import load_lanes, load_lanes_tuple
 from drift_drake.car.scalar import absolute, jitable, loaded_tuple, maximum, minimum, sqrt, stored
 
 __all__ = ["DEVIATIONS", "FOLDED", "LACKS", "SIZE", "STEPPED", "cars_in_lanes", "changed_constants", "decays",
@@ -38,10 +30,7 @@ FOLDED = tuple(name for name, effect in CATALOGUE.items() if name in PARAMETRIC 
 @jitable
 def cars_in_lanes(numbers: Any, effects: Any) -> Any:
     """`DoubleTrackConstants` and `Effects` of `lanes` of cars, from flat arrays (`flattened`)."""
-    front = TireConstants(*load_lanes_tuple(numbers, NUMBERS, TIRE))
-    rear = TireConstants(*load_lanes_tuple(numbers, REAR, TIRE))
-    constants = DoubleTrackConstants(*(load_lanes_tuple(numbers, 0, NUMBERS) + (front, rear)))  # noqa: RUF005
-    return constants, Effects(*load_lanes_tuple(effects, 0, COUNT))
+    return unflattened(numbers, load_lanes(numbers, 0)), Effects(*load_lanes_tuple(effects, 0, COUNT))
 
 
 @jitable

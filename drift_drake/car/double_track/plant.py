@@ -7,10 +7,9 @@ import numpy as np
 from pydrake.common.containers import namedview
 
 from drift_drake.car.compilation import compiled
-from drift_drake.car.double_track.constants import NUMBERS, REAR, TIRE, DoubleTrackConstants, flattened, unflattened
+from drift_drake.car.double_track.constants import DoubleTrackConstants, flattened, unflattened
 from drift_drake.car.double_track.motion import OwnStates, check_supported, double_track_motion, settled_states
 from drift_drake.car.double_track.parameters import DoubleTrackParameters
-from drift_drake.car.double_track.tyres import TireConstants
 from drift_drake.car.effects.magnitudes import COUNT, Effects
 from drift_drake.car.scalar import fixed_tuple, jitable
 from drift_drake.car.single_track.path_plant import PLANT_STATES, CurvedPath, PathPlant, kinematic_rates, plant_template
@@ -37,15 +36,11 @@ def double_track_rates(
 
 
 # Compiled for floats, which comes with constants and magnitudes as arrays.
-@jitable
-def _named(p: Any) -> DoubleTrackConstants:
-    front, rear = TireConstants(*fixed_tuple(p[NUMBERS:REAR], TIRE)), TireConstants(*fixed_tuple(p[REAR:], TIRE))
-    return DoubleTrackConstants(*(fixed_tuple(p[:NUMBERS], NUMBERS) + (front, rear)))  # noqa: RUF005 (for numba)
-
-
 @compiled
 def _rates(x: Array, u: Array, wrench: Array, curvature: float, p: Array, q: Array) -> Array:
-    first, own, acceleration = double_track_rates(x, u, wrench, curvature, _named(p), Effects(*fixed_tuple(q, COUNT)))
+    first, own, acceleration = double_track_rates(
+        x, u, wrench, curvature, unflattened(p), Effects(*fixed_tuple(q, COUNT))
+    )
     return np.array(first + own[:] + acceleration)
 
 

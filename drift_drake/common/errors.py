@@ -1,6 +1,7 @@
 """The class above all refusals: input, options and outputs that cannot be used, each said in one sentence."""
 
 import difflib
+import re
 import reprlib
 from collections.abc import Iterable
 from decimal import Decimal
@@ -11,6 +12,7 @@ _SHORT.maxstring = _SHORT.maxother = _SHORT.maxlong = 60
 _SHORT.maxdict = _SHORT.maxlist = _SHORT.maxtuple = _SHORT.maxset = 4
 _SHORT.maxlevel = 2
 LONGEST_LINE = 2000  # characters of a message on one line
+COLOURS = re.compile(r"\x1b\[[0-9;]*m")
 LAST = 400  # of them that are its end, where the reason and the remedy stand
 
 
@@ -47,8 +49,8 @@ def shown(value: Any) -> str:
 
 
 def one_line(error: BaseException) -> str:
-    """An error's message on one line of bounded length."""
-    text = " ".join(str(error).split())
+    """An error's message on one line of bounded length, without the terminal's codes of colour that libraries write."""
+    text = " ".join(COLOURS.sub("", str(error)).split())
     return text if len(text) <= LONGEST_LINE else f"{text[: LONGEST_LINE - LAST]} ... {text[-LAST:]}"
 
 

@@ -74,9 +74,9 @@ def single_track(car: BrushCar) -> VehicleParameters:
     )
 
 
-def scaled(name: str, magnitude: float, car: BrushCar) -> float:
+def scaled(name: str, magnitude: float, car: VehicleParameters) -> float:
     """A full-size car's magnitude of an effect as this car's size has it."""
-    sizes = [max(abs(q) for q in CATALOGUE[name].range_for(vehicle)) for vehicle in (single_track(car), REFERENCE)]
+    sizes = [max(abs(q) for q in CATALOGUE[name].range_for(vehicle)) for vehicle in (car, REFERENCE)]
     return magnitude * sizes[0] / sizes[1]
 
 

@@ -136,7 +136,7 @@ def drawn_effects(config: Days) -> list[dict[str, float]]:
         sign = -1.0 if name in EITHER_SIGN and rng.uniform() < 0.5 else 1.0
         magnitude = sign * float(rng.uniform(*RANGE[name]))
         if isinstance(car, BrushCar):
-            magnitude = brush_cars.scaled(name, magnitude, car)
+            magnitude = brush_cars.scaled(name, magnitude, brush_cars.single_track(car))
         days.append({name: float(f"{magnitude:.4g}") if isinstance(car, BrushCar) else round(magnitude, 4)})
     return days
 

@@ -32,6 +32,7 @@ from drift_drake.car.vehicle_file import write_vehicle
 from drift_drake.common.arrays import Array
 from drift_drake.common.run_folder import write_json, write_versions
 from experiments.benchmarks.compiled_cases import NOISE
+from experiments.other_worlds.brush_cars import scaled
 from experiments.other_worlds.days import EITHER_SIGN, RANGE
 from experiments.other_worlds.drivers import DAY_ONE, OTHER, ScaledDriver
 from experiments.other_worlds.strange_faults import STRANGE, strange_day
@@ -45,7 +46,7 @@ ROUNDS = 4  # of a roll-out, the forces of each along the motion of the one befo
 TRUE = {"front_stiffness_error": 0.25, "rear_stiffness_error": 0.25, "friction_level": 0.1, "yaw_inertia_error": 0.12,
         "cg_shift": 0.03}  # fmt: skip
 SHORTEST = 250  # rows of a run that is kept
-SPUN, SLOWEST = 1.0, 4.0  # [rad], [m/s] at which a run ends
+SPUN, SLOWEST = 1.0, 4.0  # [rad], [m/s] at which a full-size car's run ends
 
 
 @dataclasses.dataclass(frozen=True)
@@ -71,8 +72,8 @@ class SimulatorDays:
 
 def commands(
     p: VehicleParameters, kind: str, rng: np.random.Generator, effort: float, rows: int
-) -> tuple[Array, float]:
-    """Road-wheel angle [rad] and engine torque [N m] [rows, 2], and the speed [m/s] that the run begins at."""
+) -> tuple[Array, float, float]:
+    """Road-wheel angle [rad] and engine torque [N m] [rows, 2], and speeds [m/s] that it begins and ends at."""
     driver, constants = ScaledDriver(kind, rng, p, effort), p.constants()
     z, last, out = np.array([0.0, driver.start_speed, 0.0, driver.start_speed]), (0.0, 0.0), [(0.0, 0.0)]
     for row in range(rows - 1):
@@ -81,10 +82,10 @@ def commands(
             share = (step + 0.5) / SUBSTEPS
             m = motion(*z, *(a + share * (b - a) for a, b in zip(last, new, strict=True)), constants)
             z = z + PERIOD / SUBSTEPS * np.array([m.r_dot, m.v_dot, m.beta_dot, m.omega_r_dot])
-            z[1], z[3] = max(z[1], 1.0), max(z[3], 0.0)
+            z[1], z[3] = max(z[1], driver.time), max(z[3], 0.0)
         last = new
         out.append(new)
-    return np.array(out), driver.start_speed
+    return np.array(out), driver.start_speed, SLOWEST * driver.time
 
 
 def driven(car: SimulatorCar, effects: Effects, given: Array, speed: float) -> Array:
@@ -105,9 +106,9 @@ def make_run(
     car: SimulatorCar, effects: Effects, kind: str, rng: np.random.Generator, name: str, config: SimulatorDays
 ) -> Run | None:
     """One run as a log has it; None where the car spins at once."""
-    given, speed = commands(car.single_track(), kind, rng, config.effort, round(config.duration / PERIOD) + 1)
+    given, speed, slowest = commands(car.single_track(), kind, rng, config.effort, round(config.duration / PERIOD) + 1)
     true = driven(car, effects, given, speed)
-    wrong = np.flatnonzero((np.abs(true[:, 2]) > SPUN) | (true[:, 1] < SLOWEST))
+    wrong = np.flatnonzero((np.abs(true[:, 2]) > SPUN) | (true[:, 1] < slowest))
     end = int(wrong[0]) if len(wrong) else len(true)
     if end < SHORTEST:
         return None
@@ -126,7 +127,8 @@ def make_run(
 
 def true_car(guess: SimulatorCar, rng: np.random.Generator) -> SimulatorCar:
     """The first guess with its parameters off by what is usual."""
-    off = {name: float(rng.uniform(-most, most)) for name, most in TRUE.items()}
+    size = guess.single_track()
+    off = {name: scaled(name, float(rng.uniform(-most, most)), size) for name, most in TRUE.items()}
     off = {name: q for name, q in off.items() if name not in guess.simulator.lacking}
     changed = guess.simulator.changed_constants(guess.constants(), make_effects(off))
     by = {name: float(np.clip(rng.normal(), -1.5, 1.5)) for name in guess.simulator.unknown}
@@ -137,7 +139,7 @@ def main(config: SimulatorDays) -> None:
     """Makes all days."""
     rng, out = np.random.default_rng([config.seed, 88]), config.out
     guess = read_simulator_car(config.simulator)
-    car = true_car(guess, rng)
+    car, size = true_car(guess, rng), guess.single_track()
     out.mkdir(parents=True, exist_ok=True)
     write_vehicle(out / "start.yaml", guess, read_car(config.simulator)[1])
     write_json(out / "truth.json", {"car": car.single_track().to_dict(), "values": car.constants().by_name()})
@@ -148,7 +150,7 @@ def main(config: SimulatorDays) -> None:
     for i in range(config.none + len(names)):
         name = names[i - config.none] if i >= config.none else ""
         sign = -1.0 if name in EITHER_SIGN and rng.uniform() < 0.5 else 1.0
-        hidden = {name: round(sign * float(rng.uniform(*RANGE[name])), 4)} if name else {}
+        hidden = {name: float(f"{scaled(name, sign * float(rng.uniform(*RANGE[name])), size):.4g}")} if name else {}
         days.append((f"d{i:02d}", hidden, OTHER if i % 2 else DAY_ONE))
     labels: dict[str, Any] = {}
     plain = len(days)

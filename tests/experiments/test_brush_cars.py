@@ -86,10 +86,10 @@ def test_effects_act_as_the_catalogue_says():
 
 
 def test_magnitudes_are_of_the_cars_size():
-    assert scaled("friction_level", -0.2, SMALL) == pytest.approx(-0.2)
+    assert scaled("friction_level", -0.2, single_track(SMALL)) == pytest.approx(-0.2)
     length = (SMALL.front_axle_distance + SMALL.rear_axle_distance) / 2.4
-    assert scaled("cg_shift", 0.1, SMALL) == pytest.approx(0.1 * length, rel=0.1)
-    assert scaled("aero_drag", 1.0, TRUCK) > 1.0
+    assert scaled("cg_shift", 0.1, single_track(SMALL)) == pytest.approx(0.1 * length, rel=0.1)
+    assert scaled("aero_drag", 1.0, single_track(TRUCK)) > 1.0
 
 
 def test_a_car_is_not_quite_the_same_on_any_day():

@@ -90,6 +90,27 @@ def test_a_heavier_car_is_named_and_the_corrected_simulator_replays_better(
     assert errors["corrected"] < 0.6 * errors["nominal"]
 
 
+def test_a_drive_is_watched_with_the_simulator(calibrated: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Runs without a change raise nothing; a gain of the torque does, under its own name."""
+    known, weak = day(calibrated / "as_before", 4), day(calibrated / "weak", 5)
+    table = (weak / "run_0.csv").read_text().splitlines()
+    at = table[0].split(",").index("tau_cmd")
+    rows = [line.split(",") for line in table[1:]]
+    for row in rows:  # what the car is asked for, of which it gives 0.75
+        row[at] = f"{float(row[at]) / 0.75:.6g}"
+    (weak / "run_0.csv").write_text("\n".join([table[0], *map(",".join, rows)]) + "\n")
+    car = ["--vehicle", str(calibrated / "found.yaml"), "--calibration", str(calibrated / "found.json"), "--json", "-"]
+    found = []
+    for log in (known / "run_0.csv", known / "run_1.csv", weak / "run_0.csv"):
+        assert main(["watch", str(log), *car]) == 0
+        found.append([json.loads(line) for line in capsys.readouterr().out.splitlines()])
+    for events in found[:2]:
+        assert [event["event"] for event in events] == ["end"]
+        assert events[0]["judged"] > 5.0
+    causes = [event["cause"] for event in found[2] if event["event"] in ("change", "cause")]
+    assert causes[-1] == "torque_gain_error"
+
+
 def test_check_says_what_logs_would_show(calibrated: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["check", str(calibrated / "one"), "--vehicle", str(calibrated / "found.yaml"), "--calibration",
                  str(calibrated / "found.json")]) == 0  # fmt: skip
@@ -103,6 +124,7 @@ def test_what_has_no_equations_is_refused_in_a_sentence(calibrated: Path, capsys
     first = str(calibrated / "found.yaml")
     for command in (
         ["drive", "figure_8", "--vehicle", first],
+        ["watch", str(calibrated / "one" / "run_0.csv"), "--vehicle", first],
         ["diagnose", str(calibrated / "one"), "--vehicle", first],
         ["identify", str(calibrated / "one"), "--vehicle", first, "--criterion", "likelihood"],
         ["identify", str(calibrated / "one"), "--vehicle", first, "--car", "double-track"],

@@ -170,8 +170,6 @@ def _values(given: Any, place: str) -> dict[str, float]:
     for name, value in values.items():
         if not is_number(value):
             raise InvalidVehicleError(f"{place}.parameters.{name}: is {shown(value)}; give a finite number")
-        if name in CATALOGUE:
-            raise InvalidVehicleError(f"{place}.parameters.{name}: is the name of an effect; give it another one")
     return {name: float(value) for name, value in values.items()}
 
 
@@ -198,6 +196,8 @@ def _unknown(given: Any, place: str, values: dict[str, float]) -> dict[str, Devi
     for name, spread in given.items():
         if name not in values:
             raise InvalidVehicleError(f"{place}.unknown: no parameter {shown(name)}; {_there(str(name), values)}")
+        if name in CATALOGUE:
+            raise InvalidVehicleError(f"{place}.unknown.{name}: is the name of an effect; give the parameter another")
         absolute = isinstance(spread, dict)
         size = as_number(spread.get("deviation") if absolute else spread)
         if not is_number(size) or size <= 0.0:

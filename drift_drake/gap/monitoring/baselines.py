@@ -14,7 +14,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from drift_drake.car.effects.magnitudes import Effects
-from drift_drake.car.foreign.simulator_car import SimulatorCar
 from drift_drake.car.given_vehicle import GivenVehicle, single_track_of
 from drift_drake.car.log.table import InvalidLogError, Run
 from drift_drake.car.parameters import CarParameters, VehicleParameters
@@ -183,7 +182,7 @@ def learn_baseline(
         normal: its baseline's residuals, of a car calibrated by prediction.
     """
     try:
-        if normal is not None and not isinstance(vehicle, SimulatorCar):
+        if normal is not None:
             return learn_window_baseline(runs, vehicle, own, normal).as_data()
         return learn_baseline_scores(runs, vehicle, own).as_data() if isinstance(vehicle, VehicleParameters) else None
     except (InvalidLogError, ValueError):  # no torque commands, or too little driving
@@ -201,11 +200,6 @@ def calibrated_watcher(
     """
     if isinstance(baseline, OfPrediction):
         check_like(run, baseline.windows.columns, baseline.windows.period)
-        if isinstance(given.parameters, SimulatorCar):
-            raise InvalidBaselineScoresError(
-                "the vehicle is a simulator of yours, too slow to be watched with; give the file of a car of ours that "
-                "'drift-drake identify' wrote"
-            )
         return window_monitor(baseline.windows, baseline.normal, given.parameters, given.effects, false_alarms)
     car = single_track_of(given.parameters)
     return calibrated_monitor(baseline, run, car, given.effects, alarm_at(false_alarms))

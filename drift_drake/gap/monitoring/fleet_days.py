@@ -1,7 +1,7 @@
 """Scores of all runs of a day of a fleet's car, by a bank of filters or by windows of prediction."""
 
 import functools
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import NamedTuple
 
@@ -10,17 +10,16 @@ import numpy as np
 from drift_drake.car.given_vehicle import GivenVehicle
 from drift_drake.car.log.table import InvalidLogError, Run, case_paths, read_case, read_run
 from drift_drake.common.executors import ExecutorConfig, results_of
-from drift_drake.gap.estimation.windows import run_errors
 from drift_drake.gap.monitoring.baselines import Baseline, OfPrediction, block_sums, calibrated_watcher
 from drift_drake.gap.monitoring.events import Watcher
 from drift_drake.gap.monitoring.evidence import EvidenceProblem, no_sums, whitened
 from drift_drake.gap.monitoring.history import of_parts
 from drift_drake.gap.monitoring.monitor import Monitor, make_monitor
 from drift_drake.gap.monitoring.watch import WATCHED, monitor_of
-from drift_drake.gap.monitoring.windowed.baseline import window_monitor, windows_of
+from drift_drake.gap.monitoring.windowed.baseline import sums_of_all, window_monitor, windows_of
 from drift_drake.gap.monitoring.windowed.monitor import WindowMonitor
 from drift_drake.gap.monitoring.windowed.null import whitened_after
-from drift_drake.gap.monitoring.windowed.sums import WindowSums, features, sums_of, unlike
+from drift_drake.gap.monitoring.windowed.sums import WindowSums, features, unlike
 
 Folders = Mapping[tuple[str, str], Path]  # of cars and days
 
@@ -88,12 +87,10 @@ def day_scores(folder: Path, judge: Judge) -> tuple[np.ndarray, np.ndarray]:
     return np.zeros(0), np.zeros((0, len(monitor.problem.nodes)))
 
 
-def known_sums(monitor: WindowMonitor, run: Run) -> Iterator[WindowSums]:
+def known_sums(monitor: WindowMonitor, run: Run) -> list[WindowSums]:
     """The sums of a run's windows, of driving that the calibration knows."""
-    p = monitor.projection
-    for window in windows_of(monitor, run):
-        if unlike(monitor.familiar, features(window)) is None:
-            yield sums_of(p, window, run_errors(window, p.constants, p.own))
+    windows = [one for one in windows_of(monitor, run) if unlike(monitor.familiar, features(one)) is None]
+    return sums_of_all(monitor, windows)
 
 
 def days_of(folders: Folders, judge: Judge, run_on: ExecutorConfig | None = None) -> list[FleetDay]:

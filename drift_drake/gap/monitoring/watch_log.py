@@ -9,8 +9,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from drift_drake.car.effects.catalogue import CATALOGUE, LIMITS
+from drift_drake.car.foreign.simulator_car import SimulatorCar
 from drift_drake.car.given_vehicle import GivenVehicle, Vehicle, on_one_track, vehicle_given
 from drift_drake.car.log.table import InvalidLogError, Run, read_run
+from drift_drake.car.parameters import InvalidVehicleError
 from drift_drake.common.errors import InvalidOptionError
 from drift_drake.gap.estimation.prior import REACH, SURE
 from drift_drake.gap.monitoring.baselines import Baseline, OfPrediction, baseline_given, calibrated_watcher
@@ -179,6 +181,11 @@ def _monitor(
     """The monitor for a log; a bank of filters takes the single-track car that is kept with a double-track one."""
     if isinstance(baseline, OfPrediction):
         return calibrated_watcher(baseline, run, given, false_alarms)
+    if baseline is None and isinstance(given.parameters, SimulatorCar):
+        raise InvalidVehicleError(
+            f"{run.name}: the vehicle is a simulator of yours, which is watched with its calibration alone; give the "
+            "JSON file that 'drift-drake identify' wrote of it with --calibration"
+        )
     car = on_one_track(given)
     if car.remark:
         say(f"warning: {car.remark}")

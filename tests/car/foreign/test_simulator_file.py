@@ -102,7 +102,10 @@ BAD = {
     "lead-in": ({"lead_in": 60}, r"simulator\.lead_in: is 60; give seconds, up to 5"),
     "step": ({"step": 0}, r"simulator\.step: is 0; give seconds"),
     "value": ({"parameters": {"m": "heavy"}}, r"parameters\.m: is 'heavy'; give a finite number"),
-    "an effect's name": ({"parameters": {"mass_error": 1.0}}, r"mass_error: is the name of an effect"),
+    "an effect's name": (
+        {"parameters": {"aero_drag": 1.0}, "meaning": {}, "unknown": {"aero_drag": 0.1}},
+        r"unknown\.aero_drag: is the name of an effect",
+    ),
     "no such parameter": ({"meaning": {"mass": "M"}}, r"meaning\.mass: no parameter 'M'; (did you mean|choose from)"),
     "no such meaning": ({"meaning": {"weight": "m"}}, r"meaning: unknown quantity 'weight'"),
     "friction twice": ({"meaning": {"friction": "mu", "front_friction": "mu"}}, r"friction is of both axles"),

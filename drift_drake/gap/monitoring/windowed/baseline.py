@@ -12,8 +12,9 @@ from drift_drake.car.log.driving import slowest
 from drift_drake.car.log.table import InvalidLogError, Run
 from drift_drake.car.parameters import CarParameters
 from drift_drake.common.plain_files import number
+from drift_drake.gap.estimation.effort import affordable
 from drift_drake.gap.estimation.normal import Normal
-from drift_drake.gap.estimation.windows import PREDICTED, WindowedRun, run_errors
+from drift_drake.gap.estimation.windows import PREDICTED, WindowedRun, errors_of_all
 from drift_drake.gap.monitoring.bank import effect_nodes
 from drift_drake.gap.monitoring.events import InvalidBaselineScoresError
 from drift_drake.gap.monitoring.evidence import FALSE_ALARMS, alarm_at, evidence_problem
@@ -101,7 +102,7 @@ def learn_window_baseline(runs: Sequence[Run], vehicle: CarParameters, own: Effe
     if not windows:
         raise InvalidLogError("no window of predictions can be judged")
     driving = [np.array([features(window) for window in some]) for some in windows]
-    first = max(MOST // len(windows), 1)
+    first = max(affordable(vehicle.constants(), [one for some in windows for one in some], MOST) // len(windows), 1)
     sums = [sums_of_all(monitor, some[:first]) for some in windows]
     errors = relative_errors([distances_of(monitor, some) for some in sums], [len(some) for some in windows])
     familiar = familiar_of(driving, errors)
@@ -131,8 +132,11 @@ def windows_of(monitor: WindowMonitor, run: Run) -> list[WindowedRun]:
 
 def sums_of_all(monitor: WindowMonitor, windows: Sequence[WindowedRun]) -> list[WindowSums]:
     """The sums of each of a drive's windows."""
+    if not windows:
+        return []
     p = monitor.projection
-    return [sums_of(p, one, run_errors(one, p.constants, p.own)) for one in windows]
+    (e,), with_effects = errors_of_all(windows, [p.car()]), np.stack(errors_of_all(windows, p.cars()))
+    return [sums_of(p, one, e[i : i + 1], with_effects[:, i]) for i, one in enumerate(windows)]
 
 
 def distances_of(monitor: WindowMonitor, sums: Sequence[WindowSums]) -> np.ndarray:
@@ -157,8 +161,8 @@ def window_monitor(
     constants = vehicle.constants()
     if tuple(kind_of(constants).DEVIATIONS) != normal.of_kind:
         raise InvalidBaselineScoresError(
-            "the calibration is of another kind of car (single-track or double-track) than the vehicle file; give the "
-            "two that one 'identify' wrote"
+            "the calibration is of another kind of car (single-track, double-track or a simulator) than the vehicle "
+            "file; give the two that one 'identify' wrote"
         )
     single = vehicle.single_track()
     nodes = [node for name in normal.names for node in effect_nodes(name, single)]

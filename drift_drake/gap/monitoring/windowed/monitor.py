@@ -15,6 +15,7 @@ from drift_drake.gap.estimation.windows import (
     WindowedRun,
     rows_between_starts,
     run_errors,
+    run_errors_of,
     smoothed,
 )
 from drift_drake.gap.monitoring.events import SIGNALS, SoFar, no_verdict, nothing_seen
@@ -176,7 +177,7 @@ class WindowMonitor:
 
     def _closed(self, state: WindowState, window: WindowedRun, t: float) -> WindowState:
         """A window is complete: it joins the history, which is judged anew, if such driving is known."""
-        e = run_errors(window, self.projection.constants, self.projection.own)
+        e = run_errors(window, *self.projection.car())
         signals = np.stack([window.y[-1], window.y[-1] - e[0, -1]])[:, : len(SIGNALS)]
         driving = features(window)
         why = unlike(self.familiar, driving)
@@ -185,7 +186,8 @@ class WindowMonitor:
             time = np.array([judged, not_judged + self.block, row + self.block, float(why)])
             return state._replace(seen=SoFar(time, state.seen.shown, signals))
         edge = state.clock[1]
-        one = weighted(sums_of(self.projection, window, e), weight_of(self.familiar, driving))
+        with_effects = run_errors_of(window, self.projection.cars())[:, 0]
+        one = weighted(sums_of(self.projection, window, e, with_effects), weight_of(self.familiar, driving))
         one = capped(self.null, older_than(state.history, edge), one)
         history = with_block(state.history, one, FORGETTING, edge)
         verdict = verdict_of(self.problem, self.null, history)

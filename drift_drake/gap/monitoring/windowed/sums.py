@@ -15,7 +15,7 @@ from drift_drake.gap.estimation.baseline import slipping_in
 from drift_drake.gap.estimation.normal import Normal
 from drift_drake.gap.estimation.scores import LARGEST, huber_weights
 from drift_drake.gap.estimation.unknowns import added
-from drift_drake.gap.estimation.windows import WindowedRun, regimes, run_errors_of
+from drift_drake.gap.estimation.windows import WindowedRun, regimes
 from drift_drake.gap.monitoring.bank import Node
 
 FEATURES = ("speed", "lateral acceleration", "sideslip", "slip of the driven wheels", "least torque", "most torque")
@@ -49,9 +49,19 @@ class Projection(NamedTuple):
     normal: Normal  # its baseline, on whose effects errors are projected
     nodes: Sequence[Node]
 
-    def errors_with(self, window: WindowedRun, effects: Sequence[tuple[str, float]]) -> np.ndarray:
-        """Errors [effects, 1, HORIZONS, channels] once each of some effects is added to the car."""
-        return run_errors_of(window, [(self.constants, added(self.own, {name: q})) for name, q in effects])
+    def car(self) -> tuple[CarConstants, Effects]:
+        """The calibrated car."""
+        return self.constants, self.own
+
+    def cars(self) -> list[tuple[CarConstants, Effects]]:
+        """It with the effect of each node, then with a unit of each effect that has several nodes."""
+        effects = [(node.name, node.magnitude) for node in self.nodes]
+        effects += [
+            (name, float(unit))
+            for name, unit, at in zip(self.normal.names, self.normal.units, self.nodes_of(), strict=True)
+            if len(at) != 1
+        ]
+        return [(self.constants, added(self.own, {name: q})) for name, q in effects]
 
     def nodes_of(self) -> list[list[int]]:
         """Indices of each effect's nodes."""
@@ -63,8 +73,11 @@ def no_windows(n: int, nodes: int) -> WindowSums:
     return WindowSums(np.zeros(()), np.zeros(()), np.zeros(n), np.zeros((n, n)), np.zeros((n, nodes)))
 
 
-def sums_of(projection: Projection, window: WindowedRun, e: np.ndarray) -> WindowSums:
+def sums_of(projection: Projection, window: WindowedRun, e: np.ndarray, with_effects: np.ndarray) -> WindowSums:
     """The sums of one window with errors e [1, HORIZONS, channels] under the calibrated car.
+
+    Args:
+        with_effects: the same [cars, HORIZONS, channels] of each of `Projection.cars`.
 
     Errors that are clipped count less, and as much less in what a node does to them: however large an effect is, its
     node's shift is in proportion to it. An effect with one node is linear enough for that to give its derivative.
@@ -73,12 +86,9 @@ def sums_of(projection: Projection, window: WindowedRun, e: np.ndarray) -> Windo
     precision, scales = normal.precision, normal.scales
 
     single = [at[0] if len(at) == 1 else None for at in p.nodes_of()]
-    effects = [(node.name, node.magnitude) for node in p.nodes]
-    more = [
-        (name, float(unit)) for name, unit, at in zip(normal.names, normal.units, single, strict=True) if at is None
-    ]
-    found = np.clip((p.errors_with(window, effects + more) - e) / scales, -LOST, LOST)
-    there, further = found[: len(effects)].reshape(len(effects), -1), iter(found[len(effects) :])
+    found = np.clip((with_effects - e) / scales, -LOST, LOST)
+    nodes = len(p.nodes)
+    there, further = found[:nodes].reshape(nodes, -1), iter(found[nodes:])
     jacobian = np.stack([
         np.clip(unit / p.nodes[at].magnitude * there[at] if at is not None else next(further).reshape(-1),
                 -LARGEST, LARGEST)

@@ -16,13 +16,12 @@ from drift_drake.car.vehicle_file import write_vehicle
 from drift_drake.cli.main import BAD_INPUT, main
 from drift_drake.common.run_folder import to_json
 from drift_drake.gap.estimation.scores import block_scores, make_day
-from drift_drake.gap.estimation.windows import run_errors, windowed
+from drift_drake.gap.estimation.windows import windowed
 from drift_drake.gap.monitoring.baselines import OfPrediction, baseline_given, calibrated_watcher, learn_baseline
 from drift_drake.gap.monitoring.in_loop import GapMonitor
 from drift_drake.gap.monitoring.watch import rows_of, watched
-from drift_drake.gap.monitoring.windowed.baseline import windows_of
+from drift_drake.gap.monitoring.windowed.baseline import sums_of_all, windows_of
 from drift_drake.gap.monitoring.windowed.monitor import WindowMonitor
-from drift_drake.gap.monitoring.windowed.sums import sums_of
 from experiments.monitoring.drives import changed_double_track_drive
 from tests.conftest import OtherCar
 
@@ -69,7 +68,7 @@ def test_the_sums_of_a_drives_windows_are_those_of_a_day(monitor: WindowMonitor,
     whole = windowed(run, run.filled, normal.stride)
     day = make_day([whole], p.constants, p.own, normal.names, normal.units, normal, 1)
     assert len(windows) == len(whole.starts)
-    found = [sums_of(p, one, run_errors(one, p.constants, p.own)) for one in windows]
+    found = sums_of_all(monitor, windows)
     n = len(normal.names)
     expected = block_scores(day, day.errors, normal.scales, normal.precision).sum(axis=0)[:n]
     total = np.sum([one.score for one in found], axis=0)
@@ -85,7 +84,7 @@ def test_an_effect_far_beyond_normal_errors_shifts_the_scores_in_proportion(
     run, p, bias = other_car.runs[0], monitor.projection, 0.08
     (k,) = (i for i, node in enumerate(p.nodes) if node.name == "gyro_bias")
     windows = windows_of(monitor, dataclasses.replace(run, r=run.r + bias))
-    sums = [sums_of(p, window, run_errors(window, p.constants, p.own)) for window in windows[:10]]
+    sums = sums_of_all(monitor, windows[:10])
     score, shift = np.sum([one.score for one in sums], axis=0), np.sum([one.shift[:, k] for one in sums], axis=0)
     assert -p.nodes[k].magnitude * (shift @ score) / (shift @ shift) == pytest.approx(bias, rel=0.1)
 

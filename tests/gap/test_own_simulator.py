@@ -70,7 +70,9 @@ def diagnosed(folder: Path, logs: Path, *more: str) -> dict:
 
 
 def test_a_day_without_a_change_has_no_gap(calibrated: Path) -> None:
-    assert diagnosed(calibrated, day(calibrated / "two", 2))["verdict"] == "none"
+    answer = diagnosed(calibrated, day(calibrated / "two", 2))
+    assert answer["verdict"] == "none"
+    assert not any("windows of" in warning for warning in answer["warnings"])  # all that there are are asked for
 
 
 def test_a_heavier_car_is_named_and_the_corrected_simulator_replays_better(

@@ -166,7 +166,7 @@ def fit_by_prediction(
         of_effects, of_kind(constants, fit, kept), fit, car, rest, learnt.normal,
         left_open(day, learnt, [u.name for u in of_effects], asked, less_known(fit, kept)), held_out, judged, found,
         tuple(name for name in candidates if name not in fit.names), outlook(day, learnt.normal, left, vehicle),
-        remarks(constants, most, MOST_WINDOWS),
+        remarks(constants, most, MOST_WINDOWS - most),
     )  # fmt: skip
 
 

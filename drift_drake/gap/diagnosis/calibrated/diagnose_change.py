@@ -122,7 +122,7 @@ def diagnose_change(
     left = left_over_of(search, found, whole, none)
     warnings += [*said, *(unseen_sentence(name, q) for name, q in h.additional.items() if named)]
     warnings += [left_over_sentence(left)] if left else []
-    warnings += [*noise.sentences(), *remarks(search.day.constants, len(search.day.errors), MOST_WINDOWS)]
+    warnings += [*noise.sentences(), *remarks(search.day.constants, len(search.day.errors), search.left_out)]
     causes = {name: interval(h, i) for i, name in enumerate(h.names)}
     answer = Answer(
         case=case, verdict=found.verdict, causes=list(h.names) if named else [], posterior=found.probabilities,
@@ -275,8 +275,8 @@ def search_of(
     """
     if tuple(kind_of(vehicle.constants()).DEVIATIONS) != normal.of_kind:
         raise InvalidVehicleError(
-            f"{case}: the calibration is of another kind of car (single-track or double-track) than the vehicle file; "
-            "give the file that 'drift-drake identify' wrote with it (--out)"
+            f"{case}: the calibration is of another kind of car (single-track, double-track or a simulator) than the "
+            "vehicle file; give the file that 'drift-drake identify' wrote with it (--out)"
         )
     if any(run.beta is None for run in runs):
         raise InvalidLogError(
@@ -288,10 +288,12 @@ def search_of(
         raise InvalidLogError(
             f"{case}: {covered:.1f} s of driving can be used, {LEAST_TIME:g} s are the least; log longer drives"
         )
-    most = affordable(vehicle.constants(), windows, MOST_WINDOWS)
-    day = make_day(thinned(windows, most), vehicle.constants(), own, normal.names, normal.units, normal,
-                   workers)  # fmt: skip
-    return Search(day, normal, vehicle.single_track(), names, workers)
+    all_of_them = thinned(windows, MOST_WINDOWS)
+    asked = thinned(windows, affordable(vehicle.constants(), windows, MOST_WINDOWS))
+    day = make_day(asked, vehicle.constants(), own, normal.names, normal.units, normal, workers)
+    search = Search(day, normal, vehicle.single_track(), names, workers)
+    search.left_out = sum(len(run.starts) for run in all_of_them) - len(day.errors)
+    return search
 
 
 def ranked_hypotheses(

@@ -45,8 +45,8 @@ def test_forces_and_a_moment_act_on_the_body() -> None:
     effective = car.mass + car.rear_axle_inertia / car.wheel_radius**2
     assert pulled["v_x"][-1] - plain["v_x"][-1] == pytest.approx(0.5 * 9000.0 / effective, rel=0.03)
     time = 0.02  # before the tyres answer
-    pushed = rolled("truck", 0.0, 0.0, force_y=3000.0)["v_y"]
-    assert pushed[2] == pytest.approx(time * 3000.0 / car.mass, rel=0.1)
+    shoved = rolled("truck", 0.0, 0.0, force_y=3000.0)["v_y"]
+    assert shoved[2] == pytest.approx(time * 3000.0 / car.mass, rel=0.1)
     turned = rolled("truck", 0.0, 0.0, yaw_moment=9000.0)["r"]
     assert turned[2] == pytest.approx(time * 9000.0 / car.yaw_inertia, rel=0.1)
 

@@ -10,10 +10,9 @@ import pandas as pd
 
 from drift_drake.car.car_file import read_plant
 from drift_drake.car.compilation import say_if_it_compiles
-from drift_drake.car.double_track.parameters import CARS, DoubleTrackParameters
-from drift_drake.car.double_track.plant import DoubleTrackPlant
+from drift_drake.car.double_track.parameters import CARS
 from drift_drake.car.effects.magnitudes import Effects
-from drift_drake.car.known_car import known_car_model
+from drift_drake.car.known_car import known_car_model, plant_of_car
 from drift_drake.car.log.table import COLUMNS
 from drift_drake.car.parameters import CarParameters, VehicleParameters
 from drift_drake.car.sensor_errors import sensor_errors
@@ -99,7 +98,7 @@ def build(config: ClosedLoopConfig) -> ClosedLoop:
         model = step_model(learnt, learnt.prior())
         offset_time = OFFSET_TIMES.get(config.model)
         adapter = BayesianAdapter(learnt, offset_time=offset_time, lags=BANK) if config.model != "prior" else None
-    plant = DoubleTrackPlant(car, effects, reference.path) if isinstance(car, DoubleTrackParameters) else None
+    plant = plant_of_car(car, effects, reference.path)
     faults = [parse_fault(text) for text in config.fault]
     watch = None
     if config.monitor != "off":

@@ -7,9 +7,7 @@ torque or the grip, or whose steering is too slow for the transitions, leaves th
 import math
 from typing import NamedTuple
 
-from drift_drake.car.double_track.parameters import DoubleTrackParameters
-from drift_drake.car.double_track.plant import DoubleTrackPlant
-from drift_drake.car.known_car import known_car_model
+from drift_drake.car.known_car import known_car_model, plant_of_car
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.car.sensor_errors import sensor_errors
 from drift_drake.drive.loop.closed_loop import ClosedLoop, ControlConfig
@@ -63,8 +61,7 @@ def rehearse(car: IdentifiedCar, believed: VehicleParameters, seed: int = 0) -> 
         reference = figure_8(believed)
     except (NoEquilibriumError, NoTransitionError) as error:
         return Rehearsal(str(error))
-    double = isinstance(car.vehicle, DoubleTrackParameters)
-    plant = DoubleTrackPlant(car.vehicle, car.effects, reference.path) if double else None
+    plant = plant_of_car(car.vehicle, car.effects, reference.path)
     model = known_car_model(car.vehicle, car.effects, time_step(believed, ControlConfig().period))
     loop = ClosedLoop(car.vehicle.single_track(), reference, model, car.effects, plant=plant,
                       sensor_errors=sensor_errors(car.effects))  # fmt: skip

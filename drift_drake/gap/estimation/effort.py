@@ -86,6 +86,6 @@ def remarks(constants: CarConstants, used: int, left_out: int) -> list[str]:
     if left_out > 0:
         out.append(
             f"the simulator takes {1e3 * cost.seconds:.2g} ms for a roll-out: {used} windows of {used + left_out} are "
-            "used, evenly chosen"
+            "used, evenly chosen; 'windows:' in its file asks for more, which take longer and show smaller effects"
         )
     return [*out, *([cost.sentence()] if cost.failed else [])]

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from drift_drake.car.effects.catalogue import CATALOGUE, LIMITS
+from drift_drake.car.foreign.simulator import SimulatorConstants
 from drift_drake.car.foreign.simulator_car import SimulatorCar
 from drift_drake.car.given_vehicle import GivenVehicle, Vehicle, on_one_track, vehicle_given
 from drift_drake.car.log.table import InvalidLogError, Run, read_run
@@ -20,6 +21,8 @@ from drift_drake.gap.monitoring.events import SoFar, Watcher
 from drift_drake.gap.monitoring.evidence import FALSE_ALARMS, HAZARD, NONE_OF_THE_CATALOGUE, EvidenceProblem, alarm_at
 from drift_drake.gap.monitoring.follow import Tail, as_rows, growing_rows, head_of, on_the_clock
 from drift_drake.gap.monitoring.watch import Row, monitor_of, rows_of, watched
+from drift_drake.gap.monitoring.windowed.baseline import with_errors_ahead
+from drift_drake.gap.monitoring.windowed.monitor import WindowMonitor
 
 SAID = tuple(name for name, effect in CATALOGUE.items() if effect.watched)  # whose limits are put into words
 Event = dict[str, Any]
@@ -199,16 +202,22 @@ def _parts(
     log: str | Path | Run, follow: bool, tail: Tail | None, monitor_for: Callable[[Run], Watcher]
 ) -> Iterator[Part]:
     """A log, or in turn what comes of one that is cut or replaced while it is followed."""
+
+    def whole(run: Run) -> Part:
+        monitor = monitor_for(run)
+        if isinstance(monitor, WindowMonitor) and isinstance(monitor.projection.constants, SimulatorConstants):
+            monitor = with_errors_ahead(monitor, run)
+        return Part(monitor, rows_of(run))
+
     if isinstance(log, Run):
         if follow:
             raise InvalidOptionError("follow: a run has all of its rows; give the path of a file that grows")
-        yield Part(monitor_for(log), rows_of(log))
+        yield whole(log)
         return
     if not isinstance(log, str | Path):
         raise InvalidLogError(f"log: {type(log).__name__} is none; give a run's path or a Run")
     if tail is None:
-        run = read_run(Path(log))
-        yield Part(monitor_for(run), rows_of(run))
+        yield whole(read_run(Path(log)))
         return
     while True:
         coming = growing_rows(tail.path, tail.lines())

@@ -20,7 +20,7 @@ from drift_drake.gap.monitoring.events import InvalidBaselineScoresError
 from drift_drake.gap.monitoring.evidence import FALSE_ALARMS, alarm_at, evidence_problem
 from drift_drake.gap.monitoring.history import of_parts
 from drift_drake.gap.monitoring.watch import rows_of
-from drift_drake.gap.monitoring.windowed.monitor import WindowMonitor
+from drift_drake.gap.monitoring.windowed.monitor import WindowMonitor, content
 from drift_drake.gap.monitoring.windowed.null import distance, null_of
 from drift_drake.gap.monitoring.windowed.sums import (
     FEATURES,
@@ -132,11 +132,24 @@ def windows_of(monitor: WindowMonitor, run: Run) -> list[WindowedRun]:
 
 def sums_of_all(monitor: WindowMonitor, windows: Sequence[WindowedRun]) -> list[WindowSums]:
     """The sums of each of a drive's windows."""
+    return [sums_of(monitor.projection, one, *errors) for one, errors in zip(windows, errors_at_once(monitor, windows),
+                                                                          strict=True)]  # fmt: skip
+
+
+def errors_at_once(monitor: WindowMonitor, windows: Sequence[WindowedRun]) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Errors of each window, of the calibrated car [1, HORIZONS, channels] and of `Projection.cars` [cars, ...]."""
     if not windows:
         return []
     p = monitor.projection
     (e,), with_effects = errors_of_all(windows, [p.car()]), np.stack(errors_of_all(windows, p.cars()))
-    return [sums_of(p, one, e[i : i + 1], with_effects[:, i]) for i, one in enumerate(windows)]
+    return [(e[i : i + 1], with_effects[:, i]) for i in range(len(windows))]
+
+
+def with_errors_ahead(monitor: WindowMonitor, run: Run) -> WindowMonitor:
+    """The monitor for a whole log, whose windows are predicted at once: a simulator answers many for little more."""
+    windows = windows_of(monitor, run)
+    errors = errors_at_once(monitor, windows)
+    return dataclasses.replace(monitor, ahead=dict(zip(map(content, windows), errors, strict=True)))
 
 
 def distances_of(monitor: WindowMonitor, sums: Sequence[WindowSums]) -> np.ndarray:

@@ -1,6 +1,7 @@
 """The monitor of a car that was calibrated by prediction: a row in, with each window of predictions a verdict out."""
 
 import dataclasses
+from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -104,6 +105,11 @@ def jumps(y: np.ndarray, scales: np.ndarray) -> np.ndarray:
     return out
 
 
+def content(window: WindowedRun) -> bytes:
+    """What a window's predictions depend on."""
+    return window.y.tobytes() + window.delta.tobytes() + window.tau.tobytes()
+
+
 class WindowState(NamedTuple):
     """What is carried from row to row."""
 
@@ -127,6 +133,9 @@ class WindowMonitor:
     slowest: float  # [m/s] below which the equations are not judged
     alarm: float  # probability of none below which a change is reported
     least: float  # mean time between false alarms that is asked for [s]
+    ahead: Mapping[bytes, tuple[np.ndarray, np.ndarray]] = dataclasses.field(default_factory=dict, repr=False)
+    """Errors of windows that were predicted ahead (`baseline.with_errors_ahead`), by `content` of each: of the car
+    [1, HORIZONS, channels], and [cars, HORIZONS, channels] of each of `Projection.cars`."""
 
     @property
     def block(self) -> float:
@@ -177,7 +186,8 @@ class WindowMonitor:
 
     def _closed(self, state: WindowState, window: WindowedRun, t: float) -> WindowState:
         """A window is complete: it joins the history, which is judged anew, if such driving is known."""
-        e = run_errors(window, *self.projection.car())
+        known = self.ahead.get(content(window))
+        e = run_errors(window, *self.projection.car()) if known is None else known[0]
         signals = np.stack([window.y[-1], window.y[-1] - e[0, -1]])[:, : len(SIGNALS)]
         driving = features(window)
         why = unlike(self.familiar, driving)
@@ -186,7 +196,7 @@ class WindowMonitor:
             time = np.array([judged, not_judged + self.block, row + self.block, float(why)])
             return state._replace(seen=SoFar(time, state.seen.shown, signals))
         edge = state.clock[1]
-        with_effects = run_errors_of(window, self.projection.cars())[:, 0]
+        with_effects = run_errors_of(window, self.projection.cars())[:, 0] if known is None else known[1]
         one = weighted(sums_of(self.projection, window, e, with_effects), weight_of(self.familiar, driving))
         one = capped(self.null, older_than(state.history, edge), one)
         history = with_block(state.history, one, FORGETTING, edge)

@@ -20,7 +20,7 @@ from drift_drake.gap.estimation.windows import windowed
 from drift_drake.gap.monitoring.baselines import OfPrediction, baseline_given, calibrated_watcher, learn_baseline
 from drift_drake.gap.monitoring.in_loop import GapMonitor
 from drift_drake.gap.monitoring.watch import rows_of, watched
-from drift_drake.gap.monitoring.windowed.baseline import sums_of_all, windows_of
+from drift_drake.gap.monitoring.windowed.baseline import sums_of_all, windows_of, with_errors_ahead
 from drift_drake.gap.monitoring.windowed.monitor import WindowMonitor
 from experiments.monitoring.drives import changed_double_track_drive
 from tests.conftest import OtherCar
@@ -87,6 +87,17 @@ def test_an_effect_far_beyond_normal_errors_shifts_the_scores_in_proportion(
     sums = sums_of_all(monitor, windows[:10])
     score, shift = np.sum([one.score for one in sums], axis=0), np.sum([one.shift[:, k] for one in sums], axis=0)
     assert -p.nodes[k].magnitude * (shift @ score) / (shift @ shift) == pytest.approx(bias, rel=0.1)
+
+
+def test_windows_that_are_predicted_ahead_are_judged_as_row_by_row(monitor: WindowMonitor, other_car: OtherCar) -> None:
+    run = other_car.runs[0]
+    late = dataclasses.replace(run, delta_cmd=np.concatenate([run.delta_cmd[8:], np.full(8, run.delta_cmd[-1])]))
+    ahead = with_errors_ahead(monitor, late)
+    assert len(ahead.ahead) == len(windows_of(monitor, late))
+    one_by_one, at_once = (list(watched(by, rows_of(late))) for by in (monitor, ahead))
+    assert [now.events for now in at_once] == [now.events for now in one_by_one]
+    assert any(now.events for now in at_once)
+    np.testing.assert_allclose(at_once[-1].verdict, one_by_one[-1].verdict, rtol=1e-6, atol=1e-9)
 
 
 def test_late_steering_is_reported_with_its_onset_and_rivals(files: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -2,7 +2,6 @@
 
 import os
 import re
-import sys
 from collections.abc import Callable
 from contextlib import suppress
 from functools import cache, wraps
@@ -17,6 +16,7 @@ from numba.extending import register_jitable
 from drift_drake.car.effects.installed import fingerprint
 from drift_drake.car.effects.trial import extensions_folder
 from drift_drake.car.tyre import installed_tyres
+from drift_drake.common import first_use
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
@@ -122,11 +122,12 @@ def _compile_one_process_at_a_time(dispatcher: Any, name: str) -> None:
             with FileLock(folder / f"{Path(dispatcher.py_func.__code__.co_filename).stem}.{name}.lock"):
                 return compile_signature(signature)
 
-    dispatcher.compile = compile_alone
+    load = dispatcher._cache.load_overload  # numba has no public way to learn that nothing is kept
 
+    def load_or_say(signature: Any, target: Any) -> Any:
+        found = load(signature, target)
+        if found is None:
+            first_use.say()
+        return found
 
-def say_if_it_compiles(function: Callable[..., Any], what: str) -> None:
-    """Tells on standard error that `what` is compiled first, where `function`, a part of it, is not yet on the disk."""
-    stats = getattr(function, "stats", None)
-    if stats is not None and not any(Path(stats.cache_path).glob(f"*.{function.__name__}-*.nbi")):
-        print(f"compiling {what}, this once: about a minute", file=sys.stderr)
+    dispatcher.compile, dispatcher._cache.load_overload = compile_alone, load_or_say

@@ -10,9 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, TextIO
 import tyro
 
 from drift_drake.car.car_file import read_car
-from drift_drake.car.compilation import say_if_it_compiles
 from drift_drake.car.effects.catalogue import CATALOGUE
-from drift_drake.car.foreign.simulator_car import SimulatorCar
 from drift_drake.car.log.cases import case_folders, case_name
 from drift_drake.car.log.table import InvalidLogError, run_paths
 from drift_drake.car.parameters import CarParameters, InvalidVehicleError
@@ -138,11 +136,6 @@ def _diagnose_one(command: Diagnose, vehicle: CarParameters, options: Mapping[st
     safe_files.try_outputs({"--json": command.json, "--report": command.report}, inputs)
     with ended_at_once():
         from drift_drake.gap.diagnosis.diagnose import answer_folder
-        from drift_drake.gap.estimation.filtered import filter_in_lanes
-        from drift_drake.gap.estimation.paired_windows import predict_in_pairs
-    if not isinstance(vehicle, SimulatorCar):  # of which nothing is compiled
-        passes = filter_in_lanes if options["normal"] is None else predict_in_pairs
-        say_if_it_compiles(passes, "the filter" if options["normal"] is None else "the predictions")
     with progress_bar(command.quiet) as show:
         diagnosis = answer_folder(command.case, vehicle, command.workers, progress=show, **options)
     _say(diagnosis.answer, to=said_to(command.json))

@@ -9,7 +9,6 @@ import numpy as np
 import pandas as pd
 
 from drift_drake.car.car_file import read_plant
-from drift_drake.car.compilation import say_if_it_compiles
 from drift_drake.car.double_track.parameters import CARS
 from drift_drake.car.effects.magnitudes import Effects
 from drift_drake.car.known_car import known_car_model, plant_of_car
@@ -30,7 +29,6 @@ from drift_drake.drive.loop.closed_loop import ClosedLoop, ClosedLoopRun, Contro
 from drift_drake.drive.loop.endings import RunLimits
 from drift_drake.drive.loop.faults import parse_fault
 from drift_drake.drive.loop.metrics import RunMetrics
-from drift_drake.drive.qp.stagewise_qp import solve_stages
 from drift_drake.drive.reference.similarity import similarity, time_step
 from drift_drake.drive.reference.trajectory import Reference, figure_8, loops
 from drift_drake.gap.monitoring.events import sentence
@@ -143,7 +141,6 @@ def main(config: ClosedLoopConfig, to: TextIO | None = None) -> dict[str, Any]:
         pictures = draw_graph(build(config).diagram, folder / "closed_loop")
         print(*pictures, sep="\n", file=to)
         return {"out": folder, "pictures": pictures}
-    say_if_it_compiles(solve_stages, "the controller")
     run = run_closed_loop(config)
     m = run.metrics()
     events = []

@@ -8,8 +8,6 @@ from typing import TYPE_CHECKING, Annotated
 import tyro
 
 from drift_drake.car.car_file import read_car
-from drift_drake.car.compilation import say_if_it_compiles
-from drift_drake.car.foreign.simulator_car import SimulatorCar
 from drift_drake.car.log.table import case_paths
 from drift_drake.car.vehicle_file import write_vehicle
 from drift_drake.common.errors import significant, unit_suffix
@@ -64,15 +62,12 @@ class Identify:
 
 
 def run_identify(command: Identify) -> None:
-    first, _ = read_car(command.vehicle)
+    read_car(command.vehicle)  # what is wrong with it is said before outputs are tried
     outputs = {"--out": command.out, "--json": command.json, "--report": command.report}
     logs = [path for folder in command.logs for path in case_paths(folder)]
     try_outputs(outputs, [command.vehicle, *logs])
     with ended_at_once():
-        from drift_drake.gap.estimation.filtered import filter_in_lanes
         from drift_drake.gap.identification.identify import identify
-    if not isinstance(first, SimulatorCar):
-        say_if_it_compiles(filter_in_lanes, "the filter")
     with progress_bar(command.quiet) as show:
         found = identify(
             command.logs, command.vehicle, known=command.known, effects=command.effects, criterion=command.criterion,

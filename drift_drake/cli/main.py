@@ -15,6 +15,7 @@ from importlib.metadata import version
 from typing import Any, NamedTuple
 
 from drift_drake.common.errors import InvalidOptionError, shown
+from drift_drake.common.first_use import said_once
 from drift_drake.common.interruption import BAD_INPUT, ended_at_once, ended_well
 
 
@@ -76,7 +77,9 @@ def _run(words: list[str]) -> int:
             import tyro
 
             options, run = load(name)
-        return run(tyro.cli(options, prog=f"drift-drake {name}", args=rest)) or 0
+        given: Any = tyro.cli(options, prog=f"drift-drake {name}", args=rest)
+        with said_once():
+            return run(given) or 0
     return 0
 
 

@@ -7,7 +7,6 @@ from typing import Annotated
 
 import tyro
 
-from drift_drake.car.compilation import say_if_it_compiles
 from drift_drake.car.given_vehicle import on_one_track, vehicle_given
 from drift_drake.common.interruption import ended_at_once
 from drift_drake.common.safe_files import try_outputs
@@ -48,13 +47,11 @@ def run_plan_next(command: PlanNext) -> None:
             print(f"warning: {warning}", file=sys.stderr)
     try_outputs({"--out": command.out, "--json": command.json}, [command.answer, command.vehicle])
     with ended_at_once():
-        from drift_drake.drive.qp.stagewise_qp import solve_stages
         from drift_drake.gap.next_drive.foresight import beliefs_of
         from drift_drake.gap.next_drive.plan import NextDriveConfig, plan_from_answer
 
     lane = NextDriveConfig(v_start=command.v_start, v_end=command.v_end, half_width=command.half_width)
     beliefs_of(answer)  # refuses an answer without rivals before anything is compiled
-    say_if_it_compiles(solve_stages, "the plans' solver")
     drive = plan_from_answer(answer, car.parameters, lane, car.effects, given.effects)
     drive.write(command.out)
     print(f"{command.out}: {drive.sentence()}", file=said_to(command.json))

@@ -112,7 +112,7 @@ def test_a_bank_of_filters_takes_the_single_track_car_that_is_kept(
     assert main(["watch", log, "--vehicle", str(folder / "car.yaml"), "--calibration", str(folder / "car.json")]) == 0
     said = capsys.readouterr()
     assert "nothing has changed" in said.out
-    assert said.err == ""
+    assert "warning" not in said.err
     assert main(["watch", log, "--vehicle", str(folder / "car.yaml")]) == 0
     assert "this uses the single-track car that was calibrated on the same logs" in capsys.readouterr().err
     alone = folder / "alone.yaml"

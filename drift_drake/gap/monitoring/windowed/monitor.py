@@ -186,7 +186,7 @@ class WindowMonitor:
 
     def _closed(self, state: WindowState, window: WindowedRun, t: float) -> WindowState:
         """A window is complete: it joins the history, which is judged anew, if such driving is known."""
-        known = self.ahead.get(content(window))
+        known = self.ahead.get(content(window)) if self.ahead else None
         e = run_errors(window, *self.projection.car()) if known is None else known[0]
         signals = np.stack([window.y[-1], window.y[-1] - e[0, -1]])[:, : len(SIGNALS)]
         driving = features(window)

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from drift_drake.common.first_use import SENTENCE, say, said_once
+from drift_drake.common.first_use import SENTENCE, said_once, say
 
 PROGRAM = """
 import sys

@@ -33,6 +33,7 @@ STRETCH = 12.0  # [s], about, of a run over which what the equations lack hangs 
 CLIPPED = 4.0  # robust scales at which a window's error in a channel is clipped (Huber)
 LARGEST = 20.0  # robust scales of a derivative
 SHARE = 0.25  # of the practical range, that derivatives are taken over
+GAINS = {"gyro_gain_error": 0, "speed_gain_error": 1, "wheel_radius_error": 3}  # of sensors, and their channels
 RATE_LIMIT_SHARE = 0.5  # the same of a limit, which acts only where it is low
 COVERED = 0.98  # quantile of the calibration's windows, up to which a regime is known
 GRACE = (1.0, 1.0, 1.5, 1.5)  # times it, by `windows.regimes`: a changed car slides more on the same drive
@@ -173,7 +174,9 @@ def make_day(
     cars = [(constants, added(own, {name: float(step)})) for name, step in zip(names, steps, strict=True)]
     if of_kind is None:
         cars += [(kind.deviated(constants, {name: 1.0}, own), own) for name in kind.DEVIATIONS]
-    moved = [scaled(e - at, scales) for e in errors_of_all(runs, cars, threads)]
+    further = errors_of_all(runs, cars, threads)
+    magnitudes = [*zip(names, steps, strict=True), *[("", 0.0)] * (len(cars) - len(names))]
+    moved = [scaled(moved_by(e, at, *effect), scales) for e, effect in zip(further, magnitudes, strict=True)]
     jacobian = np.stack(moved[: len(names)], axis=-1)
     standard = standards(runs) if normal is None else normal.standard
     free = {name: scaled(column, scales) for name, column in free_columns(runs, constants, own, at).items()}
@@ -185,6 +188,18 @@ def make_day(
     run = np.repeat(np.arange(len(runs)), [len(run.starts) for run in runs])
     weights = np.ones(len(at)) if normal is None else familiarity(runs, normal.covered)
     return Day(runs, constants, own, at, jacobian, block_of(runs), run, weights, standard, sizes)
+
+
+def moved_by(e: np.ndarray, at: np.ndarray, name: str, magnitude: float) -> np.ndarray:
+    """What an effect moves errors by, [..., HORIZONS, channels] with and without it, without the noise of readings.
+
+    A sensor's gain moves a reading by a share of it, and so by a share of its noise, of which the error holds the same:
+    where little else is left, as behind a lead-in, scores would be off by it. The predicted reading takes its place.
+    """
+    moved = np.asarray(e - at)
+    if name in GAINS:
+        moved[..., GAINS[name]] += magnitude * at[..., GAINS[name]]
+    return moved
 
 
 def scaled(moved: np.ndarray, scales: np.ndarray) -> np.ndarray:

@@ -27,6 +27,7 @@ from drift_drake.gap.estimation.scores import (
     familiarity,
     flat_scores,
     make_day,
+    moved_by,
     pulls,
     scaled,
     scores_by_recording,
@@ -235,3 +236,22 @@ def test_derivatives_are_taken_over_a_part_of_each_range() -> None:
     for name, unit in zip(names, units(names, car), strict=True):
         low, high = CATALOGUE[name].range_for(car)
         assert 0.1 < unit / max(abs(low), abs(high)) < 1.0
+
+
+@pytest.mark.parametrize(
+    ("name", "channel"), [("gyro_gain_error", 0), ("speed_gain_error", 1), ("wheel_radius_error", 3)]
+)
+def test_what_a_sensors_gain_moves_holds_no_noise_of_the_readings(name: str, channel: int) -> None:
+    """A reading y = p + n of a prediction p has the error n, and y / (1 + q) - p with the gain: -q p / (1 + q), and a
+    share q of the noise, which scores, products with the error, would be off by."""
+    rng, q = np.random.default_rng(7), 0.02
+    predicted = rng.normal(0.0, 0.5, (400, 5, 5))  # of what changes in a window: no more than the noise
+    noise = 0.2 * rng.standard_normal(predicted.shape)
+    with_gain = noise.copy()
+    with_gain[..., channel] = (predicted + noise)[..., channel] / (1.0 + q) - predicted[..., channel]
+    moved = moved_by(with_gain, noise, name, q)
+    np.testing.assert_allclose(moved[..., channel], -q * predicted[..., channel] / (1.0 + q), atol=1.1 * q**2)
+    assert not np.any(np.delete(moved, channel, axis=-1))
+    own = moved[..., channel].ravel(), noise[..., channel].ravel()
+    assert abs(np.corrcoef(*own)[0, 1]) * np.sqrt(len(own[0])) < 3.0
+    np.testing.assert_array_equal(moved_by(with_gain, noise, "gyro_bias", q), with_gain - noise)

@@ -13,7 +13,7 @@ from drift_drake.car.effects.magnitudes import Effects
 from drift_drake.car.equations import CarConstants
 from drift_drake.gap.estimation.baseline import slipping_in
 from drift_drake.gap.estimation.normal import Normal
-from drift_drake.gap.estimation.scores import LARGEST, huber_weights
+from drift_drake.gap.estimation.scores import LARGEST, huber_weights, moved_by
 from drift_drake.gap.estimation.unknowns import added
 from drift_drake.gap.estimation.windows import WindowedRun, regimes
 from drift_drake.gap.monitoring.bank import Node
@@ -53,15 +53,15 @@ class Projection(NamedTuple):
         """The calibrated car."""
         return self.constants, self.own
 
+    def effects(self) -> list[tuple[str, float]]:
+        """The effect of each node, then a unit of each effect that has several nodes."""
+        each = zip(self.normal.names, self.normal.units, self.nodes_of(), strict=True)
+        more = [(name, float(unit)) for name, unit, at in each if len(at) != 1]
+        return [(node.name, node.magnitude) for node in self.nodes] + more
+
     def cars(self) -> list[tuple[CarConstants, Effects]]:
-        """It with the effect of each node, then with a unit of each effect that has several nodes."""
-        effects = [(node.name, node.magnitude) for node in self.nodes]
-        effects += [
-            (name, float(unit))
-            for name, unit, at in zip(self.normal.names, self.normal.units, self.nodes_of(), strict=True)
-            if len(at) != 1
-        ]
-        return [(self.constants, added(self.own, {name: q})) for name, q in effects]
+        """It with each of `effects`."""
+        return [(self.constants, added(self.own, {name: q})) for name, q in self.effects()]
 
     def nodes_of(self) -> list[list[int]]:
         """Indices of each effect's nodes."""
@@ -86,7 +86,8 @@ def sums_of(projection: Projection, window: WindowedRun, e: np.ndarray, with_eff
     precision, scales = normal.precision, normal.scales
 
     single = [at[0] if len(at) == 1 else None for at in p.nodes_of()]
-    found = np.clip((with_effects - e) / scales, -LOST, LOST)
+    moved = [moved_by(one, e[0], *effect) for one, effect in zip(with_effects, p.effects(), strict=True)]
+    found = np.clip(np.array(moved) / scales, -LOST, LOST)
     nodes = len(p.nodes)
     there, further = found[:nodes].reshape(nodes, -1), iter(found[nodes:])
     jacobian = np.stack([

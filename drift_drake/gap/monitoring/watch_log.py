@@ -144,7 +144,7 @@ def watch(
     Raises:
         InvalidLogError: the log cannot be watched; InvalidVehicleError: of the vehicle;
         InvalidBaselineScoresError: of the calibration; InvalidOptionError: a run cannot be followed, or the rate is
-            none; OutputError: the page cannot be written.
+            none; OutputError: the page cannot be written; SimulatorError: a simulator of yours cannot be run.
     """
     if not 0.0 < false_alarms_per_hour <= MOST_ALARMS:
         raise InvalidOptionError(f"false_alarms_per_hour {false_alarms_per_hour:g}: give a rate up to {MOST_ALARMS:g}")

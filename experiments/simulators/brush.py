@@ -23,16 +23,15 @@ from drift_drake.car.integrate import ramp, runge_kutta
 from drift_drake.car.scalar import jitable
 from drift_drake.common.arrays import Array
 from drift_drake.common.safe_files import write_text
-from experiments.other_worlds.brush_car import STATES, BrushCar, rates
+from experiments.other_worlds.brush_car import LEAST_SPEED, STATES, BrushCar, rates
 from experiments.other_worlds.brush_cars import BRUSH_CARS, single_track
 
 ROOT = Path(__file__).parents[2]
 FORCES = ("force_x", "force_y", "yaw_moment")
 SUBSTEPS = 4  # RK4 steps in a step of a roll-out
-MEANING = {"mass": "mass", "yaw_inertia": "yaw_inertia", "front_axle_distance": "front_axle_distance",
-           "rear_axle_distance": "rear_axle_distance", "rear_axle_inertia": "rear_axle_inertia", "friction": "friction",
-           "front_stiffness": "front_stiffness", "rear_stiffness": "rear_stiffness",
-           "tyre_relaxation": "relaxation"}  # fmt: skip
+SAME = ("mass", "yaw_inertia", "front_axle_distance", "rear_axle_distance", "rear_axle_inertia", "friction",
+        "front_stiffness", "rear_stiffness")  # fmt: skip
+MEANING = {name: name for name in SAME} | {"tyre_relaxation": "relaxation"}
 UNKNOWN = {"cg_height": 0.15, "front_roll_share": {"deviation": 0.06}, "load_sensitivity": 0.4,
            "sliding_friction": {"deviation": 0.06}}  # fmt: skip
 TOLERANCE = {"yaw_inertia": 0.1, "friction": 0.1, "front_stiffness": 0.3, "rear_stiffness": 0.3,
@@ -67,8 +66,8 @@ def _rates(z: Any, command: Any, car: Any, out: Any) -> None:
 def _roll_out(z: Array, inputs: Array, dt: float, p: BrushCar, q: Effects, out: Array) -> None:
     """Writes the states [rows, 15] of one roll-out; inputs [rows, 5]: `steering`, `torque`, `FORCES`."""
     k, work, h = np.empty(len(z)), np.empty((2, len(z))), dt / SUBSTEPS
-    z[13] = (z[1] + p.front_axle_distance * z[2]) / max(z[0], 0.3) - inputs[0, 0]
-    z[14] = (z[1] - p.rear_axle_distance * z[2]) / max(z[0], 0.3)
+    z[13] = (z[1] + p.front_axle_distance * z[2]) / max(z[0], LEAST_SPEED) - inputs[0, 0]
+    z[14] = (z[1] - p.rear_axle_distance * z[2]) / max(z[0], LEAST_SPEED)
     for row in range(len(inputs)):
         out[row] = z
         if row + 1 < len(inputs):

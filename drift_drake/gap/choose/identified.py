@@ -31,7 +31,7 @@ from drift_drake.common.arrays import Array
 from drift_drake.common.errors import unit_suffix
 from drift_drake.gap.estimation.robust_fit import robust_fit
 from drift_drake.gap.estimation.unknowns import deviations_of, magnitudes, unknown, with_found
-from drift_drake.gap.estimation.windows import WindowedRun, errors, errors_of_all
+from drift_drake.gap.estimation.windows import WindowedRun, count_of, errors, errors_of_all
 from drift_drake.gap.identification.identify import calibrate
 from drift_drake.gap.identification.stated import Asked
 
@@ -132,7 +132,7 @@ def identified_double_track(
     Returns:
         The car, and the magnitudes of all that was unknown of it.
     """
-    if sum(len(run.starts) for run in judged) < LEAST_WINDOWS:
+    if count_of(judged) < LEAST_WINDOWS:
         return None
     dense = [_dense(run) for run in judged]
 

@@ -77,15 +77,15 @@ def counted(progress: Progress, constants: CarConstants) -> Iterator[Progress]:
         yield show
 
 
-def remarks(constants: CarConstants, used: int, left_out: int) -> list[str]:
+def remarks(constants: CarConstants, used: int, of: int) -> list[str]:
     """What is to be said of a simulator's roll-outs: what it lacks, fewer windows, those that failed."""
     if not isinstance(constants, SimulatorConstants):
         return []
     cost = cost_of(constants.simulator)
     out = [f"not judged, since the simulator cannot have it: {sentence}" for sentence in constants.simulator.left_out()]
-    if left_out > 0:
+    if used < of:
         out.append(
-            f"the simulator takes {1e3 * cost.seconds:.2g} ms for a roll-out: {used} windows of {used + left_out} are "
+            f"the simulator takes {1e3 * cost.seconds:.2g} ms for a roll-out: {used} windows of {of} are "
             "used, evenly chosen; 'windows:' in its file asks for more, which take longer and show smaller effects"
         )
     return [*out, *([cost.sentence()] if cost.failed else [])]

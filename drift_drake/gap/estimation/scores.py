@@ -174,16 +174,16 @@ def make_day(
     cars = [(constants, added(own, {name: float(step)})) for name, step in zip(names, steps, strict=True)]
     if of_kind is None:
         cars += [(kind.deviated(constants, {name: 1.0}, own), own) for name in kind.DEVIATIONS]
-    further = errors_of_all(runs, cars, threads)
-    magnitudes = [*zip(names, steps, strict=True), *[("", 0.0)] * (len(cars) - len(names))]
-    moved = [scaled(moved_by(e, at, *effect), scales) for e, effect in zip(further, magnitudes, strict=True)]
-    jacobian = np.stack(moved[: len(names)], axis=-1)
+    found = errors_of_all(runs, cars, threads)
+    by_effects, by_kind = found[: len(names)], found[len(names) :]
+    moved = [moved_by(e, at, *effect) for e, *effect in zip(by_effects, names, steps, strict=True)]
+    jacobian = np.stack([scaled(one, scales) for one in moved], axis=-1)
     standard = standards(runs) if normal is None else normal.standard
     free = {name: scaled(column, scales) for name, column in free_columns(runs, constants, own, at).items()}
     sizes = np.broadcast_to(kind_units if normal is None else normal.kind_units, len(kind.DEVIATIONS))
     more = [of_kind]
     if of_kind is None:
-        more = [size * column[..., None] for size, column in zip(sizes, moved[len(names) :], strict=True)]
+        more = [size * scaled(e - at, scales)[..., None] for size, e in zip(sizes, by_kind, strict=True)]
     jacobian = np.concatenate([jacobian, partial_columns(jacobian, names, runs, standard, free)[1], *more], axis=-1)
     run = np.repeat(np.arange(len(runs)), [len(run.starts) for run in runs])
     weights = np.ones(len(at)) if normal is None else familiarity(runs, normal.covered)

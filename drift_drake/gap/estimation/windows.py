@@ -239,7 +239,12 @@ def regimes(run: WindowedRun) -> np.ndarray:
     return np.stack([part.max(axis=1) for part in parts], axis=-1)
 
 
+def count_of(runs: Sequence[WindowedRun]) -> int:
+    """Windows of all runs."""
+    return sum(len(run.starts) for run in runs)
+
+
 def thinned(runs: Sequence[WindowedRun], most: int) -> list[WindowedRun]:
     """The runs with at most so many windows, evenly chosen; starts in one piece: strides would be compiled for anew."""
-    every = max(int(np.ceil(sum(len(run.starts) for run in runs) / most)), 1)
+    every = max(int(np.ceil(count_of(runs) / most)), 1)
     return [dataclasses.replace(run, starts=np.ascontiguousarray(run.starts[::every])) for run in runs]

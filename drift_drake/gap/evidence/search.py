@@ -37,7 +37,7 @@ class Search:
     Attributes:
         ranges: of the effects' magnitudes, by name; `singles` widens those whose most likely magnitude is at an end.
         curves: of every single effect, once `singles` has been asked.
-        left_out: windows of the day that a slow simulator was not asked for.
+        windows: that the day would have if a slow simulator were asked for all.
     """
 
     def __init__(self, day: Day, normal: Normal, vehicle: VehicleParameters, catalogue: Sequence[str],
@@ -47,7 +47,7 @@ class Search:
         self.ranges = {name: range_of(name, vehicle) for name in catalogue}
         self.threads = threads
         self.curves: list[Curve] = []
-        self.left_out = 0
+        self.windows = len(day.errors)
 
     def on(self, day: Day) -> "Search":
         """The same search, in the same ranges, on other windows."""

@@ -20,7 +20,15 @@ from drift_drake.gap.estimation.reduction import STATES
 from drift_drake.gap.estimation.robust_fit import WIDTHS, RobustFit, robust_fit
 from drift_drake.gap.estimation.scores import Day, between_recordings, block_of, make_day, units
 from drift_drake.gap.estimation.unknowns import FIELDS, Unknown, deviations_of, folded, magnitudes, unknown, with_found
-from drift_drake.gap.estimation.windows import HORIZONS, WindowedRun, errors, errors_of_all, forecast_error, thinned
+from drift_drake.gap.estimation.windows import (
+    HORIZONS,
+    WindowedRun,
+    count_of,
+    errors,
+    errors_of_all,
+    forecast_error,
+    thinned,
+)
 from drift_drake.gap.evidence.left_out import asked_in_turn
 from drift_drake.gap.evidence.posterior import NONE
 from drift_drake.gap.evidence.ranking import DayRanked
@@ -94,7 +102,7 @@ def split(
         starts, end = is_held(some, some.starts), is_held(some, some.starts + HORIZONS * some.stride_rows)
         fitted.append(dataclasses.replace(some, starts=some.starts[~starts & ~end]))
         judged.append(dataclasses.replace(run, starts=run.starts[is_held(run, run.starts)]))
-    if min(sum(len(run.starts) for run in part) for part in (fitted, judged)) < LEAST_WINDOWS:
+    if min(count_of(part) for part in (fitted, judged)) < LEAST_WINDOWS:
         fitted, judged = thinned(runs, most), list(runs)  # too short to hold anything out
     return fitted, thinned([dataclasses.replace(run, starts=row_by_row(run)) for run in judged], most_judged)
 
@@ -166,7 +174,7 @@ def fit_by_prediction(
         of_effects, of_kind(constants, fit, kept), fit, car, rest, learnt.normal,
         left_open(day, learnt, [u.name for u in of_effects], asked, less_known(fit, kept)), held_out, judged, found,
         tuple(name for name in candidates if name not in fit.names), outlook(day, learnt.normal, left, vehicle),
-        remarks(constants, most, MOST_WINDOWS - most),
+        remarks(constants, count_of(thinned(runs, most)), count_of(thinned(runs, MOST_WINDOWS))),
     )  # fmt: skip
 
 

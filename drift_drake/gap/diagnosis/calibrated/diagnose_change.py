@@ -46,7 +46,7 @@ from drift_drake.gap.estimation.reduction import STATES, Reduction
 from drift_drake.gap.estimation.scores import Day, make_day
 from drift_drake.gap.estimation.unknowns import magnitudes
 from drift_drake.gap.estimation.usable import admit, seen_effects
-from drift_drake.gap.estimation.windows import rows_between_starts, thinned, windowed
+from drift_drake.gap.estimation.windows import count_of, rows_between_starts, thinned, windowed
 from drift_drake.gap.evidence.alarms import FALSE_ALARMS, false_alarm_rate
 from drift_drake.gap.evidence.constants import PRIORS, WORTH_A_PAIR
 from drift_drake.gap.evidence.hypotheses import Hypothesis, as_change
@@ -122,7 +122,7 @@ def diagnose_change(
     left = left_over_of(search, found, whole, none)
     warnings += [*said, *(unseen_sentence(name, q) for name, q in h.additional.items() if named)]
     warnings += [left_over_sentence(left)] if left else []
-    warnings += [*noise.sentences(), *remarks(search.day.constants, len(search.day.errors), search.left_out)]
+    warnings += [*noise.sentences(), *remarks(search.day.constants, len(search.day.errors), search.windows)]
     causes = {name: interval(h, i) for i, name in enumerate(h.names)}
     answer = Answer(
         case=case, verdict=found.verdict, causes=list(h.names) if named else [], posterior=found.probabilities,
@@ -288,11 +288,10 @@ def search_of(
         raise InvalidLogError(
             f"{case}: {covered:.1f} s of driving can be used, {LEAST_TIME:g} s are the least; log longer drives"
         )
-    all_of_them = thinned(windows, MOST_WINDOWS)
     asked = thinned(windows, affordable(vehicle.constants(), windows, MOST_WINDOWS))
     day = make_day(asked, vehicle.constants(), own, normal.names, normal.units, normal, workers)
     search = Search(day, normal, vehicle.single_track(), names, workers)
-    search.left_out = sum(len(run.starts) for run in all_of_them) - len(day.errors)
+    search.windows = count_of(thinned(windows, MOST_WINDOWS))
     return search
 
 

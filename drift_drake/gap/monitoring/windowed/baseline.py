@@ -20,7 +20,7 @@ from drift_drake.gap.monitoring.events import InvalidBaselineScoresError
 from drift_drake.gap.monitoring.evidence import FALSE_ALARMS, alarm_at, evidence_problem
 from drift_drake.gap.monitoring.history import of_parts
 from drift_drake.gap.monitoring.watch import rows_of
-from drift_drake.gap.monitoring.windowed.monitor import WindowMonitor, content
+from drift_drake.gap.monitoring.windowed.monitor import WindowMonitor
 from drift_drake.gap.monitoring.windowed.null import distance, null_of
 from drift_drake.gap.monitoring.windowed.sums import (
     FEATURES,
@@ -123,17 +123,23 @@ def relative_errors(distances: Sequence[np.ndarray], counts: Sequence[int]) -> l
 
 def windows_of(monitor: WindowMonitor, run: Run) -> list[WindowedRun]:
     """The windows of a run that a monitor would judge."""
-    state, out = monitor.start(), list[WindowedRun]()
+    return list(windows_by_time(monitor, run).values())
+
+
+def windows_by_time(monitor: WindowMonitor, run: Run) -> dict[float, WindowedRun]:
+    """The same by the time of their last row [s]."""
+    state, out = monitor.start(), dict[float, WindowedRun]()
     for row in rows_of(run):
         state, window = monitor.with_row(state, row.y, row.command, row.road)
-        out += [window] if window is not None else []
+        if window is not None:
+            out[row.t] = window
     return out
 
 
 def sums_of_all(monitor: WindowMonitor, windows: Sequence[WindowedRun]) -> list[WindowSums]:
     """The sums of each of a drive's windows."""
-    return [sums_of(monitor.projection, one, *errors) for one, errors in zip(windows, errors_at_once(monitor, windows),
-                                                                          strict=True)]  # fmt: skip
+    errors = errors_at_once(monitor, windows)
+    return [sums_of(monitor.projection, one, *found) for one, found in zip(windows, errors, strict=True)]
 
 
 def errors_at_once(monitor: WindowMonitor, windows: Sequence[WindowedRun]) -> list[tuple[np.ndarray, np.ndarray]]:
@@ -141,15 +147,15 @@ def errors_at_once(monitor: WindowMonitor, windows: Sequence[WindowedRun]) -> li
     if not windows:
         return []
     p = monitor.projection
-    (e,), with_effects = errors_of_all(windows, [p.car()]), np.stack(errors_of_all(windows, p.cars()))
-    return [(e[i : i + 1], with_effects[:, i]) for i in range(len(windows))]
+    found = np.stack(errors_of_all(windows, [p.car(), *p.cars()]))
+    return [(found[:1, i], found[1:, i]) for i in range(len(windows))]
 
 
 def with_errors_ahead(monitor: WindowMonitor, run: Run) -> WindowMonitor:
     """The monitor for a whole log, whose windows are predicted at once: a simulator answers many for little more."""
-    windows = windows_of(monitor, run)
-    errors = errors_at_once(monitor, windows)
-    return dataclasses.replace(monitor, ahead=dict(zip(map(content, windows), errors, strict=True)))
+    windows = windows_by_time(monitor, run)
+    errors = errors_at_once(monitor, list(windows.values()))
+    return dataclasses.replace(monitor, ahead=dict(zip(windows, errors, strict=True)))
 
 
 def distances_of(monitor: WindowMonitor, sums: Sequence[WindowSums]) -> np.ndarray:

@@ -105,11 +105,6 @@ def jumps(y: np.ndarray, scales: np.ndarray) -> np.ndarray:
     return out
 
 
-def content(window: WindowedRun) -> bytes:
-    """What a window's predictions depend on."""
-    return window.y.tobytes() + window.delta.tobytes() + window.tau.tobytes()
-
-
 class WindowState(NamedTuple):
     """What is carried from row to row."""
 
@@ -133,9 +128,9 @@ class WindowMonitor:
     slowest: float  # [m/s] below which the equations are not judged
     alarm: float  # probability of none below which a change is reported
     least: float  # mean time between false alarms that is asked for [s]
-    ahead: Mapping[bytes, tuple[np.ndarray, np.ndarray]] = dataclasses.field(default_factory=dict, repr=False)
-    """Errors of windows that were predicted ahead (`baseline.with_errors_ahead`), by `content` of each: of the car
-    [1, HORIZONS, channels], and [cars, HORIZONS, channels] of each of `Projection.cars`."""
+    ahead: Mapping[float, tuple[np.ndarray, np.ndarray]] = dataclasses.field(default_factory=dict, repr=False)
+    """Errors of windows that were predicted ahead (`baseline.with_errors_ahead`), by the time of their last row [s]: of
+    the car [1, HORIZONS, channels], and [cars, HORIZONS, channels] of each of `Projection.cars`."""
 
     @property
     def block(self) -> float:
@@ -186,7 +181,7 @@ class WindowMonitor:
 
     def _closed(self, state: WindowState, window: WindowedRun, t: float) -> WindowState:
         """A window is complete: it joins the history, which is judged anew, if such driving is known."""
-        known = self.ahead.get(content(window)) if self.ahead else None
+        known = self.ahead.get(t)
         e = run_errors(window, *self.projection.car()) if known is None else known[0]
         signals = np.stack([window.y[-1], window.y[-1] - e[0, -1]])[:, : len(SIGNALS)]
         driving = features(window)

@@ -7,7 +7,7 @@ import numpy as np
 from pydrake.systems.framework import Context, DiagramBuilder, DiscreteValues, LeafSystem, OutputPort
 
 from drift_drake.car.internal_states import RememberingStepModel, followed
-from drift_drake.car.single_track.path_plant import CurvedPath
+from drift_drake.car.path_plant import CurvedPath
 from drift_drake.common.arrays import Array
 from drift_drake.common.updates import declare_output, declare_update
 

@@ -9,7 +9,7 @@ from pydrake.systems.framework import Context, Diagram, DiagramBuilder
 from pydrake.systems.primitives import FirstOrderLowPassFilter, PassThrough
 
 from drift_drake.car.double_track.parameters import DoubleTrackParameters, TireParameters
-from drift_drake.car.double_track.plant import DoubleTrackPlant
+from drift_drake.car.equations_plant import EquationsPlant
 
 COUPE = DoubleTrackParameters()
 
@@ -32,7 +32,7 @@ def make(
         cg_height=height, front_tire=tire(front_tire, COUPE.front_tire), rear_tire=tire(rear_tire, COUPE.rear_tire),
     )  # fmt: skip
     builder = DiagramBuilder()
-    plant = builder.AddNamedSystem("car", DoubleTrackPlant(car))
+    plant = builder.AddNamedSystem("car", EquationsPlant(car))
     actuators = builder.AddNamedSystem("actuators", FirstOrderLowPassFilter([0.02, engine_lag]))
     wrench = builder.AddNamedSystem("wrench", PassThrough(3))
     builder.ExportInput(actuators.get_input_port(), "commands")

@@ -15,7 +15,7 @@ from drift_drake.car.double_track.car_file import double_track_from_dict
 from drift_drake.car.effects.magnitudes import Effects, make_effects
 from drift_drake.car.log.cases import runs_of
 from drift_drake.car.parameters import VehicleParameters
-from drift_drake.car.single_track.path_plant import PathPlant
+from drift_drake.car.path_plant import PathPlant
 from drift_drake.car.vehicle_file import DOUBLE_TRACK
 from drift_drake.common.arrays import Array
 from drift_drake.common.errors import DriftDrakeError

@@ -23,8 +23,8 @@ from diagrams.command import run_command
 from drift_drake.car.effects.magnitudes import Effects
 from drift_drake.car.log.table import COLUMNS, Run, write_run
 from drift_drake.car.parameters import VehicleParameters
+from drift_drake.car.path_plant import CurvedPath, PathPlant
 from drift_drake.car.single_track.motion_with_effects import changed_constants
-from drift_drake.car.single_track.path_plant import CurvedPath, PathPlant
 from drift_drake.car.step_model import NominalStepModel
 from drift_drake.common.arrays import Array
 from drift_drake.common.executors import run_jobs

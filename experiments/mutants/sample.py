@@ -14,7 +14,7 @@ PARTS = {
         "car/tyre",
         "car/effects/magnitudes",
         "car/single_track/plant",
-        "car/single_track/path_plant",
+        "car/path_plant",
         "car/double_track/motion",
         "car/double_track/tyres",
         "car/double_track/parameters",

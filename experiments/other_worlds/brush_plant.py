@@ -7,7 +7,8 @@ import numpy as np
 from pydrake.systems.framework import LeafSystem
 
 from drift_drake.car.effects.magnitudes import Effects
-from drift_drake.car.single_track.path_plant import PLANT_STATES, CurvedPath, PathPlant, kinematic_rates
+from drift_drake.car.on_path import PLANT_STATES, kinematic_rates
+from drift_drake.car.path_plant import CurvedPath, PathPlant
 from drift_drake.common.arrays import Array
 from experiments.other_worlds.brush_car import STATES, BrushCar
 from experiments.other_worlds.brush_step import SIZE, BrushStepModel, motion

@@ -13,7 +13,7 @@ from drift_drake.car.foreign.stepped_plant import SteppedCar, SteppedPlant
 from drift_drake.car.internal_states import planned_with
 from drift_drake.car.known_car import known_car_model, plant_of_car
 from drift_drake.car.parameters import VehicleParameters
-from drift_drake.car.single_track.path_plant import CurvedPath, PathPlant
+from drift_drake.car.path_plant import CurvedPath, PathPlant
 from drift_drake.car.step_model import StepModel
 from drift_drake.common.errors import InvalidOptionError, MissingExtraError
 from experiments.other_worlds.brush_car import BrushCar

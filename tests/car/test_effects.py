@@ -15,8 +15,8 @@ from effect_cars import (
 
 from drift_drake.car.effects.catalogue import CATALOGUE, LIMITS
 from drift_drake.car.effects.magnitudes import Effects, make_effects
+from drift_drake.car.on_path import PLANT_STATES
 from drift_drake.car.parameters import VehicleParameters
-from drift_drake.car.single_track.path_plant import PLANT_STATES
 from drift_drake.car.single_track.plant import VehiclePlant
 
 

@@ -7,9 +7,9 @@ from drift_drake.car import equations
 from drift_drake.car.actuated import without_actuators
 from drift_drake.car.compilation import compiled
 from drift_drake.car.double_track.parameters import CARS
-from drift_drake.car.double_track.plant import DoubleTrackPlant
 from drift_drake.car.effects.catalogue import CATALOGUE, OWN
 from drift_drake.car.effects.magnitudes import Effects
+from drift_drake.car.equations_plant import EquationsPlant
 from drift_drake.car.parameters import CarParameters, VehicleParameters
 from drift_drake.car.single_track import equations as single_track
 from drift_drake.car.single_track.plant import VehiclePlant
@@ -18,7 +18,7 @@ from drift_drake.common.arrays import Array
 EFFECTS = Effects(mass_error=0.1, cg_shift=0.05, aero_drag=0.8, road_grade=0.03, tyre_relaxation=0.4)
 STATE, COMMAND, WRENCH = (0.4, 11.0, -0.2, 11.8), (0.12, 180.0), np.array([300.0, -200.0, 150.0])
 HEADING = 0.7
-KINDS = [(VehicleParameters(), VehiclePlant, 2), (CARS["coupe"], DoubleTrackPlant, 0)]
+KINDS = [(VehicleParameters(), VehiclePlant, 2), (CARS["coupe"], EquationsPlant, 0)]
 
 
 @compiled

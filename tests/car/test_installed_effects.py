@@ -21,7 +21,7 @@ from drift_drake.car.single_track.effects_step import EffectsStepModel
 from drift_drake.gap.estimation.filtered import filter_case
 from drift_drake.gap.estimation.make_problem import make_problem
 from drift_drake.car.double_track.parameters import CARS
-from drift_drake.car.double_track.plant import DoubleTrackPlant
+from drift_drake.car.equations_plant import EquationsPlant
 from drift_drake.car.effects.magnitudes import measured, unbiased
 from drift_drake.gap.estimation.windows import run_errors_of, windowed
 
@@ -34,7 +34,7 @@ def rates(plant, psi):
     return plant.EvalTimeDerivatives(context).CopyToVector()[:10]
 
 # Plants: at a heading of a quarter turn the wind blows against the course.
-for make, mass in ((lambda q: VehiclePlant(car, q), car.mass), (lambda q: DoubleTrackPlant(CARS["coupe"], q), None)):
+for make, mass in ((lambda q: VehiclePlant(car, q), car.mass), (lambda q: EquationsPlant(CARS["coupe"], q), None)):
     mass = mass or CARS["coupe"].mass
     still = make(make_effects({"gyro_scale": 0.001}))
     blown, limping = make(make_effects({"side_wind": 500.0})), make(make_effects({"limp_mode": 0.5}))
@@ -57,7 +57,7 @@ np.testing.assert_allclose(late[:10], rates(same, 0.0), rtol=1e-9, atol=1e-9)
 plant.GetInputPort("actuation").FixValue(context, [0.0, 40.0])
 assert plant.EvalTimeDerivatives(context).CopyToVector()[3] < late[3] - 1.0
 try:
-    DoubleTrackPlant(CARS["coupe"], make_effects({"turbo_lag": lag}))
+    EquationsPlant(CARS["coupe"], make_effects({"turbo_lag": lag}))
 except ValueError as error:
     assert "turbo_lag" in str(error)
 
@@ -113,7 +113,7 @@ assert np.sum(known.innovations[0] ** 2) < 0.7 * np.sum(without.innovations[0] *
 
 # The same of predictions of a double-track car.
 t = 0.01 * np.arange(200)
-run = windowed(logged(t, driven(DoubleTrackPlant(CARS["coupe"], make_effects({"side_wind": gust})), t)))
+run = windowed(logged(t, driven(EquationsPlant(CARS["coupe"], make_effects({"side_wind": gust})), t)))
 constants = CARS["coupe"].constants()
 known, without = run_errors_of(run, [(constants, make_effects({"side_wind": q})) for q in (gust, 0.0)])
 assert np.abs(known[:, -1, 0]).max() < 0.2 * np.abs(without[:, -1, 0]).max()

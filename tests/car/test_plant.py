@@ -7,9 +7,9 @@ import pytest
 from plant_bench import ACTUATION, MANY_EFFECTS, PARAMETERS, STATE, prepared, s_bend, simulated, steered
 
 from drift_drake.car.effects.magnitudes import Effects
+from drift_drake.car.on_path import PLANT_STATES
 from drift_drake.car.single_track.motion import derivatives
 from drift_drake.car.single_track.motion_with_effects import settled_internal_states
-from drift_drake.car.single_track.path_plant import PLANT_STATES
 from drift_drake.car.single_track.plant import (
     OFF_THE_MOTION,
     PLANT_STATES_WITH_INTERNAL,

@@ -9,9 +9,9 @@ from pydrake.systems.primitives import LogVectorOutput, TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial
 
 from drift_drake.car.effects.magnitudes import Effects
+from drift_drake.car.on_path import PLANT_STATES
 from drift_drake.car.single_track.motion import derivatives
 from drift_drake.car.single_track.motion_with_effects import motion_with_effects, settled_internal_states
-from drift_drake.car.single_track.path_plant import PLANT_STATES
 from drift_drake.car.single_track.plant import (
     VehiclePlant,
 )

@@ -9,8 +9,8 @@ from pydrake.trajectories import PiecewisePolynomial
 from scipy.integrate import solve_ivp
 
 from drift_drake.car.double_track.parameters import DoubleTrackParameters
-from drift_drake.car.double_track.plant import DoubleTrackPlant
 from drift_drake.car.effects.magnitudes import Effects
+from drift_drake.car.equations_plant import EquationsPlant
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.car.single_track.motion import INPUTS, STATES, derivatives, linearize
 from drift_drake.car.single_track.plant import VehiclePlant
@@ -37,7 +37,7 @@ def there_and_back(plant):
 
 
 @pytest.mark.parametrize("plant", [VehiclePlant(ONE), VehiclePlant(ONE, Effects(tyre_relaxation=0.3)),
-                                   DoubleTrackPlant(TWO)], ids=["nominal", "relaxing", "double track"])  # fmt: skip
+                                   EquationsPlant(TWO)], ids=["nominal", "relaxing", "double track"])  # fmt: skip
 def test_a_car_starts_stops_and_backs_up_on_one_circle(plant):
     states = there_and_back(plant)
     r, v, beta, omega_r = states[:4]

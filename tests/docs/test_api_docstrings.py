@@ -14,7 +14,7 @@ NUMBERS = re.compile(r"\b(float|Array|ArrayLike|ndarray)\b")
 NEAR = 110  # letters between a name and its unit or shape, in the same sentence
 # Said by the kind of thing that they are: a file of the function's name, and a Context of the system itself.
 PLAIN = ("path", "context")
-# What a plant's template asks of its equations: no call of a user's (`car.single_track.path_plant`).
+# What a plant's template asks of its equations: no call of a user's (`car.path_plant`).
 HOOKS = ("VehiclePlant.declare", "VehiclePlant.settled", "VehiclePlant.rates", "VehiclePlant.compiled_rates")
 DOORS = [door for door in doors() if door.name not in HOOKS]
 # A sentence above the fields says the unit of all of them.

@@ -7,7 +7,7 @@ from pydrake.systems.primitives import TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial
 
 from drift_drake.car.effects.magnitudes import Effects
-from drift_drake.car.single_track.path_plant import PLANT_STATES
+from drift_drake.car.on_path import PLANT_STATES
 from experiments.benchmarks.rows import PERIOD
 from experiments.other_worlds.brush_car import STATES, advance
 from experiments.other_worlds.brush_drifters import draw_drifter

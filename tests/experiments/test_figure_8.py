@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from drift_drake.car.double_track.parameters import CARS
-from drift_drake.car.double_track.plant import DoubleTrackCarPlant
-from drift_drake.car.double_track.step_model import DoubleTrackStepModel
 from drift_drake.car.effects.magnitudes import Effects
+from drift_drake.car.equations_plant import CarWithOwnStates
+from drift_drake.car.equations_step import EquationsStepModel
 from drift_drake.car.parameters import CarParameters, VehicleParameters
-from drift_drake.car.single_track.path_plant import CurvedPath, PathPlant
+from drift_drake.car.path_plant import CurvedPath, PathPlant
 from drift_drake.common.errors import InvalidOptionError
 from drift_drake.common.executors import ExecutorConfig, NoClusterError, run_jobs
 from drift_drake.drive.gathering.config import GatheringConfig
@@ -101,7 +101,7 @@ def test_a_double_track_car_is_gathered_from_and_drifts(
         assert effects.lateral_load_transfer == 0.0  # it has its own
         assert effects.mass_error != 0.0
         found = true_cars.true_plant(car, effects, path)
-        plants.append(isinstance(found, DoubleTrackCarPlant))
+        plants.append(isinstance(found, CarWithOwnStates))
         return found
 
     for module in (drift_runs, beliefs):
@@ -115,7 +115,7 @@ def test_a_double_track_car_is_gathered_from_and_drifts(
         drift_runs.DriveJob("", {}, "figure_8", double.effects(0), 0, "oracle", FAST, "double_track")
     )
     assert isinstance(loop.controller, MpcController)
-    assert isinstance(loop.controller.mpc.model, DoubleTrackStepModel)
+    assert isinstance(loop.controller.mpc.model, EquationsStepModel)
 
 
 def test_the_drives_choose_the_model(tmp_path: Path, here: ExecutorConfig, capsys: pytest.CaptureFixture[str]) -> None:

@@ -7,8 +7,8 @@ from pydrake.systems.primitives import TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial
 
 from drift_drake.car.double_track.parameters import CARS
-from drift_drake.car.double_track.plant import DoubleTrackPlant
 from drift_drake.car.effects.magnitudes import Effects
+from drift_drake.car.equations_plant import EquationsPlant
 from experiments.benchmarks.rows import LOG_STATES, PERIOD, advance, start
 
 CAR = CARS["roadster"]
@@ -30,7 +30,7 @@ def test_agrees_with_the_plant_in_drake():
     effects = Effects(steering_lag=0.06, torque_lag=0.1, road_grade=0.03, rear_stiffness_error=-0.2)
     z, acceleration = rolled(effects)
     builder = DiagramBuilder()
-    plant = builder.AddNamedSystem("plant", DoubleTrackPlant(CAR, effects))
+    plant = builder.AddNamedSystem("plant", EquationsPlant(CAR, effects))
     commands = PiecewisePolynomial.FirstOrderHold(TIMES, np.stack([DELTA, TAU]))
     source = builder.AddNamedSystem("commands", TrajectorySource(commands))
     builder.Connect(source.get_output_port(), plant.GetInputPort("actuation"))

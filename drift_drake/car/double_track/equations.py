@@ -2,12 +2,16 @@
 
 from typing import Any
 
+import numpy as np
+
+from drift_drake.car.compilation import compiled
 from drift_drake.car.double_track.constants import changed_constants, flattened, unflattened
 from drift_drake.car.double_track.deviations import DEVIATIONS, deviated, value_of
 from drift_drake.car.double_track.motion import (
     MIN_RELAXATION_SPEED,
     NOT_OF_THIS_CAR,
-    OWN,
+    OwnStates,
+    check_supported,
     double_track_motion,
     own_states,
     settled_states,
@@ -15,12 +19,40 @@ from drift_drake.car.double_track.motion import (
 from drift_drake.car.effects.catalogue import CATALOGUE, PARAMETRIC
 from drift_drake.car.effects.magnitudes import COUNT, Effects
 from drift_drake.car.lanes import load_lanes, load_lanes_tuple
-from drift_drake.car.scalar import absolute, jitable, loaded_tuple, maximum, minimum, sqrt, stored
+from drift_drake.car.on_path import plant_rates_of
+from drift_drake.car.scalar import absolute, fixed_tuple, jitable, loaded_tuple, maximum, minimum, sqrt, stored
+from drift_drake.common.arrays import Array
 
-__all__ = ["DEVIATIONS", "FOLDED", "LACKS", "SIZE", "STEPPED", "cars_in_lanes", "changed_constants", "decays",
-           "deviated", "fastest", "flattened", "rates", "settle", "value_of"]  # fmt: skip
+__all__ = [
+    "DEVIATIONS",
+    "FOLDED",
+    "LABEL",
+    "LACKS",
+    "OWN",
+    "OWN_SCALE",
+    "SIZE",
+    "STEPPED",
+    "cars_in_lanes",
+    "changed_constants",
+    "check_supported",
+    "decays",
+    "deviated",
+    "fastest",
+    "flattened",
+    "plant_rates",
+    "rates",
+    "settle",
+    "unflattened",
+    "value_of",
+]  # fmt: skip
 
-SIZE = 5 + OWN
+LABEL = "double-track car"
+OWN = OwnStates._fields
+OWN_SCALE = OwnStates(
+    steering=0.3, torque=100.0, rim_difference=3.0, roll=0.05, roll_rate=0.3, a_x=5.0, a_y=5.0, front_left_slip=0.3,
+    front_right_slip=0.3, rear_left_slip=0.3, rear_right_slip=0.3, rear_left_drive_slip=0.3, rear_right_drive_slip=0.3,
+)  # fmt: skip
+SIZE = 5 + len(OWN)
 STEPPED = True  # rims ring in their tyres: along a measured motion internal states need a prediction's steps
 LACKS = NOT_OF_THIS_CAR  # effects that mean nothing on this car
 FOLDED = tuple(name for name, effect in CATALOGUE.items() if name in PARAMETRIC or effect.double_track == "parameter")
@@ -57,6 +89,16 @@ def rates(z: Any, command: Any, car: Any, out: Any) -> None:
     stored(out, 4, r)
     for i, rate in enumerate(further):
         stored(out, 5 + i, rate)
+
+
+# Constants and magnitudes come as arrays, which compiled code takes faster than tuples of numbers.
+@compiled
+def plant_rates(x: Array, u: Array, wrench: Array, curvature: float, p: Array, q: Array) -> Array:
+    """`on_path.plant_rates_of` on floats, as an array."""
+    out = np.empty(len(x) + 2)
+    plant_rates_of(rates, x, u, wrench, curvature, unflattened(p), Effects(*fixed_tuple(q, COUNT)),
+                   np.empty((2, SIZE)), out)  # fmt: skip
+    return out
 
 
 @jitable

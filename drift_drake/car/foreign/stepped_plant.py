@@ -7,8 +7,9 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
 
+from drift_drake.car.on_path import PLANT_STATES
+from drift_drake.car.path_plant import PORTS, POSE_AT, CurvedPath, MotionError, PathPlant
 from drift_drake.car.single_track.motion import INPUTS
-from drift_drake.car.single_track.path_plant import PLANT_STATES, PORTS, POSE_AT, CurvedPath, MotionError, PathPlant
 from drift_drake.common.arrays import Array
 from drift_drake.common.updates import declare_output, declare_parts, declare_update
 

@@ -86,6 +86,13 @@ def planar_motion(r: Any, v: Any, beta: Any, a_x: Any, a_y: Any) -> tuple[Any, A
 
 
 @jitable
+def body_acceleration(r: Any, v: Any, beta: Any, v_dot: Any, beta_dot: Any) -> tuple[Any, Any]:
+    """(a_x, a_y) [m/s^2] of a body in its own frame: the inverse of `planar_motion`."""
+    across = (beta_dot + r) * signed_floor(v, MIN_SPEED)
+    return v_dot * cos(beta) - across * sin(beta), v_dot * sin(beta) + across * cos(beta)
+
+
+@jitable
 def wheel_acceleration(axle_torque: Any, f_x: Any, wheel_radius: Any, axle_inertia: Any) -> Any:
     """d(omega_r)/dt [m/s^2] of the rim: (axle torque - F_x R_w) / I_w * R_w, F_x that of all driven wheels."""
     return (axle_torque - f_x * wheel_radius) / axle_inertia * wheel_radius

@@ -9,11 +9,12 @@ from pydrake.common.containers import namedview
 from drift_drake.car.compilation import compiled
 from drift_drake.car.effects.catalogue import OFF_THE_MOTION
 from drift_drake.car.effects.magnitudes import COUNT, INTERNAL_COUNT, Effects, InternalStates
+from drift_drake.car.on_path import PLANT_STATES, kinematic_rates
 from drift_drake.car.parameters import Constants, VehicleParameters
+from drift_drake.car.path_plant import CurvedPath, PathPlant, plant_template
 from drift_drake.car.scalar import fixed_tuple, jitable
 from drift_drake.car.single_track.motion import motion
 from drift_drake.car.single_track.motion_with_effects import motion_with_effects, settled_internal_states
-from drift_drake.car.single_track.path_plant import PLANT_STATES, CurvedPath, PathPlant, kinematic_rates, plant_template
 from drift_drake.common.arrays import Array
 
 PLANT_STATES_WITH_INTERNAL = (*PLANT_STATES, *InternalStates._fields)

@@ -10,8 +10,8 @@ import pandas as pd
 from drift_drake.car.effects.magnitudes import Effects
 from drift_drake.car.log.cases import runs_of
 from drift_drake.car.parameters import VehicleParameters
+from drift_drake.car.path_plant import PathPlant
 from drift_drake.car.single_track.effects_step import EffectsStepModel
-from drift_drake.car.single_track.path_plant import PathPlant
 from drift_drake.car.step_model import NominalStepModel
 from drift_drake.drive.gathering.config import SLOWEST, GatheringConfig, lane
 from drift_drake.drive.gathering.plan import (

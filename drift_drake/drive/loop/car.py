@@ -5,10 +5,11 @@ from pydrake.systems.framework import Diagram, DiagramBuilder, OutputPort
 from drift_drake.car.effects.delays import check_causal, command_delays
 from drift_drake.car.effects.magnitudes import Effects
 from drift_drake.car.known_car import plant_of_car
+from drift_drake.car.on_path import PLANT_STATES
 from drift_drake.car.parameters import CarParameters
+from drift_drake.car.path_plant import CurvedPath, PathPlant
 from drift_drake.car.sensors import PARTS, NoiseLevels, Sensors, TransportDelay
 from drift_drake.car.single_track.motion import INPUTS
-from drift_drake.car.single_track.path_plant import PLANT_STATES, CurvedPath, PathPlant
 from drift_drake.car.vehicle_file import check_effects, check_plausible
 from drift_drake.common.selector import select_signals
 

@@ -14,11 +14,12 @@ from drift_drake.car.effects.magnitudes import Effects
 from drift_drake.car.given_vehicle import GivenEffects, effects_given
 from drift_drake.car.latency import at_present
 from drift_drake.car.log.driving import slowest
+from drift_drake.car.on_path import POSE
 from drift_drake.car.parameters import VehicleParameters
+from drift_drake.car.path_plant import MotionError, PathPlant
 from drift_drake.car.sensor_errors import without_errors
 from drift_drake.car.sensors import LOG_ROW, MEASURED_STATE, NoiseLevels
 from drift_drake.car.single_track.motion import INPUTS, STATES
-from drift_drake.car.single_track.path_plant import POSE, MotionError, PathPlant
 from drift_drake.car.single_track.plant import acts_on_motion
 from drift_drake.car.step_model import StepModel
 from drift_drake.common.arrays import Array

@@ -8,9 +8,9 @@ from pydrake.systems.framework import Context, DiagramBuilder, LeafSystem
 
 from drift_drake.car.effects.magnitudes import Effects
 from drift_drake.car.parameters import VehicleParameters
+from drift_drake.car.path_plant import PathPlant
 from drift_drake.car.sensors import LOG_ROW, MEASURED_STATE, NoiseLevels
 from drift_drake.car.single_track.motion import INPUTS
-from drift_drake.car.single_track.path_plant import PathPlant
 from drift_drake.common.arrays import Array
 from drift_drake.common.updates import declare_output
 from drift_drake.drive.loop.actuation import LinearInterpolationActuator

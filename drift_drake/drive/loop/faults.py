@@ -13,9 +13,9 @@ from pydrake.systems.framework import Context
 from drift_drake.car.effects.catalogue import OFF_THE_MOTION
 from drift_drake.car.effects.magnitudes import Effects
 from drift_drake.car.parameters import VehicleParameters
+from drift_drake.car.path_plant import PathPlant
 from drift_drake.car.sensors import MEASURED_STATE
 from drift_drake.car.single_track.motion_with_effects import road_wheel
-from drift_drake.car.single_track.path_plant import PathPlant
 from drift_drake.car.vehicle_file import check_effects
 from drift_drake.common.errors import InvalidOptionError
 

@@ -15,11 +15,11 @@ import numpy as np
 from drift_drake.car.car_file import PlantParameters
 from drift_drake.car.double_track.nearest import nearest_double_track
 from drift_drake.car.double_track.parameters import DoubleTrackParameters
-from drift_drake.car.double_track.step_model import DoubleTrackStepModel
 from drift_drake.car.effects.catalogue import CATALOGUE, fitted
 from drift_drake.car.effects.delays import LATE
 from drift_drake.car.effects.magnitudes import Effects
 from drift_drake.car.equations import folded_into
+from drift_drake.car.equations_step import EquationsStepModel
 from drift_drake.car.given_vehicle import single_track_of
 from drift_drake.car.internal_states import BEYOND, LAGGED
 from drift_drake.car.known_car import known_car_model
@@ -82,7 +82,7 @@ class IdentifiedCar(NamedTuple):
             return self
         return self._replace(effects=self.effects._replace(steering_rate_limit=rate))
 
-    def step_model(self) -> EffectsStepModel | DoubleTrackStepModel:
+    def step_model(self) -> EffectsStepModel | EquationsStepModel:
         """What a controller plans with; its readings lose their `sensor_errors`."""
         return known_car_model(self.vehicle, self.effects)
 

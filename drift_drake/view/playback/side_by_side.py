@@ -19,10 +19,10 @@ from drift_drake.car.log.driving import SPUN, driven, slowest, spans
 from drift_drake.car.log.measured_motion import MeasuredMotion, measured_motion
 from drift_drake.car.log.table import InvalidLogError, Run
 from drift_drake.car.parameters import CarParameters, VehicleParameters
+from drift_drake.car.path_plant import POSE_AT
 from drift_drake.car.road import bank_force
 from drift_drake.car.sensors import LOG_ROW, NoiseLevels
 from drift_drake.car.single_track.motion import INPUTS
-from drift_drake.car.single_track.path_plant import POSE_AT
 from drift_drake.common.arrays import Array
 from drift_drake.common.selector import select_signals
 from drift_drake.common.updates import declare_output

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from drift_drake.car.double_track.equations import OWN_SCALE
 from drift_drake.car.double_track.motion import (
     LOCKING_SPEED,
     OwnStates,
@@ -11,8 +12,8 @@ from drift_drake.car.double_track.motion import (
     settled_states,
 )
 from drift_drake.car.double_track.parameters import CARS, DoubleTrackParameters
-from drift_drake.car.double_track.step_model import OWN_SCALE, DoubleTrackStepModel
 from drift_drake.car.effects.magnitudes import Effects
+from drift_drake.car.equations_step import EquationsStepModel
 from drift_drake.car.parameters import InvalidVehicleError
 from drift_drake.car.step_model import STATE_SCALE, StepModel, block_scale
 
@@ -52,7 +53,7 @@ def test_the_inner_wheel_no_longer_spins_away_under_power() -> None:
     """One second of power in a bend: the rims differ by less than with an open one."""
     differences = []
     for car in (OPEN, LOCKED):
-        model = DoubleTrackStepModel(car)
+        model = EquationsStepModel(car)
         x = np.concatenate([[0.5, 12.0, -0.02, 12.5, 0.0, 0.0], model.settled(np.array(MOVING), np.zeros(2))])[None]
         x[0, 6:] = model.settled(x[0, :4], np.array([0.12, 100.0]))
         u = np.array([[0.12, 330.0]])
@@ -63,14 +64,14 @@ def test_the_inner_wheel_no_longer_spins_away_under_power() -> None:
 
 
 def test_the_controllers_jacobians_know_it() -> None:
-    model = DoubleTrackStepModel(LOCKED)
+    model = EquationsStepModel(LOCKED)
     model.substeps *= 4
     x = np.concatenate([[*MOVING, 0.1, 0.05], model.settled(np.array(MOVING), np.array(COMMAND))])[None]
     x[0, 6 + OwnStates._fields.index("rim_difference")] = 1.5
     u, straight = np.array([COMMAND]), np.zeros(1)
     found = np.concatenate(model.linearize(x, u, 0.9 * u, straight)[1:], axis=2)
     wanted = np.concatenate(StepModel.linearize(model, x, u, 0.9 * u, straight)[1:], axis=2)
-    scale = block_scale(OWN_SCALE) / np.concatenate([STATE_SCALE, OWN_SCALE])[:, None]
+    scale = block_scale(np.array(OWN_SCALE)) / np.concatenate([STATE_SCALE, OWN_SCALE])[:, None]
     assert np.abs(scale * (found - wanted)).max() < 5e-3
 
 

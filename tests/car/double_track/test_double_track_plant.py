@@ -1,4 +1,4 @@
-"""DoubleTrackPlant as a Drake system: ports, scalars, replay, and that it is the equations."""
+"""EquationsPlant as a Drake system: ports, scalars, replay, and that it is the equations."""
 
 import itertools
 
@@ -9,10 +9,10 @@ from pydrake.symbolic import MakeVectorVariable
 from pydrake.systems.analysis import ResetIntegratorFromFlags, Simulator
 
 from drift_drake.car.double_track.constants import flattened, unflattened
-from drift_drake.car.double_track.motion import NOT_OF_THIS_CAR
+from drift_drake.car.double_track.motion import NOT_OF_THIS_CAR, OwnStates, double_track_motion
 from drift_drake.car.double_track.parameters import CARS, DoubleTrackParameters
-from drift_drake.car.double_track.plant import DOUBLE_TRACK_STATES, DoubleTrackPlant, double_track_rates
 from drift_drake.car.effects.magnitudes import Effects
+from drift_drake.car.equations_plant import EquationsPlant
 from drift_drake.car.parameters import InvalidVehicleError, VehicleParameters
 from drift_drake.car.single_track.plant import VehiclePlant
 from drift_drake.drive.reference.path import Path
@@ -48,7 +48,7 @@ def ports(plant):
 
 
 def test_has_the_ports_and_the_feedthrough_of_the_single_track_plant():
-    plant, single = DoubleTrackPlant(CAR, EFFECTS, s_bend()), VehiclePlant(VehicleParameters(), EFFECTS, s_bend())
+    plant, single = EquationsPlant(CAR, EFFECTS, s_bend()), VehiclePlant(VehicleParameters(), EFFECTS, s_bend())
     assert ports(plant) == ports(single)
     for i, o in itertools.product(range(plant.num_input_ports()), range(plant.num_output_ports())):
         assert plant.HasDirectFeedthrough(i, o) == single.HasDirectFeedthrough(i, o)
@@ -56,7 +56,7 @@ def test_has_the_ports_and_the_feedthrough_of_the_single_track_plant():
 
 def test_ports_give_what_the_state_says():
     path = s_bend()
-    plant = DoubleTrackPlant(CAR, path=path)
+    plant = EquationsPlant(CAR, path=path)
     context = prepared(plant, s=30.0)
     view = plant.state_view(plant.GetOutputPort("full_state").Eval(context))
     np.testing.assert_array_equal(plant.GetOutputPort("state").Eval(context), STATE)
@@ -73,7 +73,7 @@ def test_ports_give_what_the_state_says():
 
 
 def test_disturbance_and_curvature_ports_act():
-    plant = DoubleTrackPlant(CAR)
+    plant = EquationsPlant(CAR)
     context = prepared(plant)
     before = plant.EvalTimeDerivatives(context).CopyToVector()
     still = plant.GetOutputPort("acceleration").Eval(context).copy()
@@ -87,21 +87,24 @@ def test_disturbance_and_curvature_ports_act():
 
 @pytest.mark.parametrize("effects", [Effects(), EFFECTS])
 def test_compiled_derivatives_are_the_plain_ones(effects):
-    plant = DoubleTrackPlant(CAR, effects, s_bend())
+    plant = EquationsPlant(CAR, effects, s_bend())
     context = prepared(plant, s=30.0)
     x = context.get_continuous_state_vector().CopyToVector()
     x[10:] += 0.01 * np.arange(13)
     context.SetContinuousState(x)
     plant.GetInputPort("disturbance").FixValue(context, np.array([500.0, -300.0, 800.0]))
     wrench, curvature = (500.0, -300.0, 800.0), float(s_bend().curvature(30.0))
-    first, own, acceleration = double_track_rates(x, ACTUATION, wrench, curvature, CAR.constants(), effects)
+    plain = plant.rates(x, ACTUATION, wrench, curvature, CAR.constants(), effects)
     rates = plant.EvalTimeDerivatives(context).CopyToVector()
-    np.testing.assert_allclose(rates, [*first, *own], rtol=1e-12, atol=1e-12)
-    np.testing.assert_allclose(plant.GetOutputPort("acceleration").Eval(context), acceleration, rtol=1e-12)
+    np.testing.assert_allclose(rates, np.array(plain[:-2], dtype=float), rtol=1e-12, atol=1e-12)
+    m, own = double_track_motion(*x[:4], x[9], OwnStates(*x[10:]), *ACTUATION, CAR.constants(), effects, *wrench)
+    np.testing.assert_allclose(rates[:4], m[:4], rtol=1e-12)
+    np.testing.assert_allclose(rates[10:], own, rtol=1e-12, atol=1e-12)
+    np.testing.assert_allclose(plant.GetOutputPort("acceleration").Eval(context), [m.a_x, m.a_y], rtol=1e-12)
 
 
 def test_a_clone_of_a_context_replays_to_the_bit():
-    plant = DoubleTrackPlant(CAR, EFFECTS, s_bend())
+    plant = EquationsPlant(CAR, EFFECTS, s_bend())
     context = prepared(plant)
     clone = context.Clone()
     np.testing.assert_array_equal(moved(plant, context, 0.5), moved(plant, clone, 0.5))
@@ -109,10 +112,10 @@ def test_a_clone_of_a_context_replays_to_the_bit():
 
 def test_a_run_starts_settled():
     """The car's own states stay where they are while its motion hardly changes."""
-    plant = DoubleTrackPlant(CAR)
+    plant = EquationsPlant(CAR)
     context = prepared(plant)
     own = plant.EvalTimeDerivatives(context).CopyToVector()[10:]
-    names = DOUBLE_TRACK_STATES[10:]
+    names = plant.state_names[10:]
     rates = dict(zip(names, own, strict=True))
     assert rates["roll"] == 0.0
     # The sliding rear tyres differ in drive force, which is what turns the wheels against each other.
@@ -121,7 +124,7 @@ def test_a_run_starts_settled():
 
 
 def test_effects_are_parameters_of_the_context():
-    plain, changed = DoubleTrackPlant(CAR), DoubleTrackPlant(CAR, EFFECTS)
+    plain, changed = EquationsPlant(CAR), EquationsPlant(CAR, EFFECTS)
     contexts = prepared(plain), prepared(changed)
     contexts[0].get_mutable_numeric_parameter(1).SetFromVector(EFFECTS)
     contexts[1].SetContinuousState(contexts[0].get_continuous_state_vector().CopyToVector())
@@ -130,7 +133,7 @@ def test_effects_are_parameters_of_the_context():
 
 
 def test_autodiff_gives_the_slopes_of_the_derivatives():
-    plant = DoubleTrackPlant(CAR, EFFECTS, s_bend())
+    plant = EquationsPlant(CAR, EFFECTS, s_bend())
     context = prepared(plant, s=30.0)
     x = context.get_continuous_state_vector().CopyToVector()
     converted = plant.ToAutoDiffXd()
@@ -151,21 +154,21 @@ def test_autodiff_gives_the_slopes_of_the_derivatives():
 
 
 def test_converts_to_expressions():
-    plant = DoubleTrackPlant(CAR).ToSymbolic()
+    plant = EquationsPlant(CAR).ToSymbolic()
     context = plant.CreateDefaultContext()
-    names = MakeVectorVariable(len(DOUBLE_TRACK_STATES), "x")
+    names = MakeVectorVariable(len(plant.state_names), "x")
     context.SetContinuousState(names)
     plant.GetInputPort("actuation").FixValue(context, np.array(ACTUATION))
-    values = prepared(DoubleTrackPlant(CAR)).get_continuous_state_vector().CopyToVector()
+    values = prepared(EquationsPlant(CAR)).get_continuous_state_vector().CopyToVector()
     rate = plant.EvalTimeDerivatives(context).CopyToVector()[0].Evaluate(dict(zip(names, values, strict=True)))
-    numeric = DoubleTrackPlant(CAR)
+    numeric = EquationsPlant(CAR)
     assert rate == pytest.approx(numeric.EvalTimeDerivatives(prepared(numeric)).CopyToVector()[0], rel=1e-10)
 
 
 @pytest.mark.parametrize("name", NOT_OF_THIS_CAR)
 def test_an_effect_that_it_cannot_have_is_refused(name):
     with pytest.raises(InvalidVehicleError, match=f"{name} cannot be put on a double-track car"):
-        DoubleTrackPlant(CAR, Effects(**{name: 0.1}))
+        EquationsPlant(CAR, Effects(**{name: 0.1}))
 
 
 @pytest.mark.parametrize("car", CARS.values())

@@ -7,8 +7,9 @@ import pytest
 from pydrake.systems.analysis import Simulator
 
 from drift_drake.car.foreign.stepped_plant import PERIOD, SteppedPlant, WorldMotion
+from drift_drake.car.on_path import PLANT_STATES
 from drift_drake.car.parameters import VehicleParameters
-from drift_drake.car.single_track.path_plant import PLANT_STATES, MotionError
+from drift_drake.car.path_plant import MotionError
 from drift_drake.drive.loop.car import Car
 from drift_drake.drive.reference.path import Path
 from drift_drake.drive.reference.trajectory import figure_8

@@ -5,8 +5,8 @@ import pytest
 from pydrake.systems.analysis import Simulator
 
 from drift_drake.car.double_track.parameters import CARS
-from drift_drake.car.double_track.plant import DoubleTrackPlant
 from drift_drake.car.effects.magnitudes import Effects
+from drift_drake.car.equations_plant import EquationsPlant
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.car.sensors import NoiseLevels
 from drift_drake.car.single_track.plant import VehiclePlant
@@ -91,7 +91,7 @@ def test_another_plant_has_the_same_sensors():
     belief, path = CARS["roadster"].single_track(), Path([0.0, 10.0, 60.0], [0.0, 0.03, -0.02])
     rows = []
     for effects in (Effects(), Effects(gyro_bias=0.1)):
-        plant = DoubleTrackPlant(CARS["roadster"], effects, path)
+        plant = EquationsPlant(CARS["roadster"], effects, path)
         car = Car(belief, effects, noise=NoiseLevels.none(), plant=plant)
         context = driven(car, 0.15)
         assert car.plant is plant

@@ -10,9 +10,9 @@ import pandas as pd
 import pytest
 
 from drift_drake.car.double_track.parameters import CARS
-from drift_drake.car.double_track.plant import DoubleTrackPlant
-from drift_drake.car.double_track.step_model import DoubleTrackStepModel
 from drift_drake.car.effects.magnitudes import make_effects
+from drift_drake.car.equations_plant import EquationsPlant
+from drift_drake.car.equations_step import EquationsStepModel
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.car.single_track.effects_step import EffectsStepModel
 from drift_drake.car.single_track.plant import VehiclePlant
@@ -215,7 +215,7 @@ def test_the_true_car_may_be_a_double_track_one(short: Reference) -> None:
     belief = car.single_track()
     part = dataclasses.replace(figure_8(belief), distance=short.distance)
     runs = []
-    for plant in (None, DoubleTrackPlant(car, path=part.path)):
+    for plant in (None, EquationsPlant(car, path=part.path)):
         loop = ClosedLoop(belief, part, NominalStepModel(belief), control=SLOW, plant=plant)
         runs.append(loop.run(loop.initial_context(0)))
     assert [run.outcome for run in runs] == ["completed", "completed"]
@@ -224,7 +224,7 @@ def test_the_true_car_may_be_a_double_track_one(short: Reference) -> None:
 
 def test_the_config_names_the_plant() -> None:
     loop = build(ClosedLoopConfig(plant="double_track"))
-    assert isinstance(loop.car.plant, DoubleTrackPlant)
+    assert isinstance(loop.car.plant, EquationsPlant)
     assert loop.parameters == CARS["coupe"].single_track()
     assert isinstance(build(ClosedLoopConfig()).car.plant, VehiclePlant)
 
@@ -261,14 +261,14 @@ def test_a_double_track_car_that_is_known_is_driven_as_one(tmp_path: Path) -> No
     car, effects = CARS["roadster"].replace(differential_share=0.2), make_effects({"steering_lag": 0.05})
     write_vehicle(tmp_path / "known.yaml", car, effects)
     loop = build(ClosedLoopConfig(vehicle=tmp_path / "known.yaml", model="known"))
-    assert isinstance(loop.car.plant, DoubleTrackPlant)
+    assert isinstance(loop.car.plant, EquationsPlant)
     assert (loop.car.plant.parameters, loop.car.plant.effects) == (car, effects)
     assert loop.parameters == car.single_track()
     assert isinstance(loop.controller, MpcController)
     model = loop.controller.mpc.model
-    assert isinstance(model, DoubleTrackStepModel)
+    assert isinstance(model, EquationsStepModel)
     assert (model.parameters, model.effects) == (car, effects)
     blind = build(ClosedLoopConfig(vehicle=tmp_path / "known.yaml"))
-    assert isinstance(blind.car.plant, DoubleTrackPlant)
+    assert isinstance(blind.car.plant, EquationsPlant)
     assert isinstance(blind.controller, MpcController)
     assert isinstance(blind.controller.mpc.model, NominalStepModel)

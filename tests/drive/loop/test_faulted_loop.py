@@ -11,9 +11,9 @@ from pydrake.systems.framework import Context
 
 from drift_drake.car.effects.magnitudes import Effects
 from drift_drake.car.parameters import InvalidVehicleError
+from drift_drake.car.path_plant import MotionError
 from drift_drake.car.single_track.effects_step import EffectsStepModel
 from drift_drake.car.single_track.motion import STATES
-from drift_drake.car.single_track.path_plant import MotionError
 from drift_drake.cli.drive_run import ClosedLoopConfig, main
 from drift_drake.common.errors import DriftDrakeError, InvalidOptionError
 from drift_drake.drive.loop.actuation import LinearInterpolationActuator, PlanStatus

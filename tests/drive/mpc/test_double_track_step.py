@@ -10,10 +10,11 @@ from pydrake.systems.framework import Context, Diagram, DiagramBuilder
 from pydrake.systems.primitives import Multiplexer, TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial
 
+from drift_drake.car.double_track import equations
 from drift_drake.car.double_track.parameters import CARS
-from drift_drake.car.double_track.plant import DoubleTrackPlant
-from drift_drake.car.double_track.step_model import OWN_SCALE, SIZE, DoubleTrackStepModel
 from drift_drake.car.effects.magnitudes import Effects
+from drift_drake.car.equations_plant import EquationsPlant
+from drift_drake.car.equations_step import EquationsStepModel
 from drift_drake.car.internal_states import InternalStateObserver
 from drift_drake.car.known_car import known_car_model, plant_of_car
 from drift_drake.car.parameters import InvalidVehicleError, VehicleParameters
@@ -30,17 +31,18 @@ U_NEXT = np.array([[-0.40, 190.0], [0.05, 20.0], [0.1, 150.0]])
 CURVATURE = np.array([1.0 / 18.0, 0.0, -0.03])
 EFFECTS = Effects(friction_level=-0.1, cg_shift=0.03, steering_lag=0.06, torque_lag=0.15, steering_offset=0.01,
                   aero_drag=1.0, drivetrain_friction=80.0, tyre_relaxation=0.3, rear_stiffness_error=0.2)  # fmt: skip
+OWN_SCALE = np.array(equations.OWN_SCALE)
 SCALE = np.concatenate([STATE_SCALE, OWN_SCALE])
 
 
-def points(model: DoubleTrackStepModel, unsettled: float = 0.0) -> Array:
+def points(model: EquationsStepModel, unsettled: float = 0.0) -> Array:
     """X with the car's own states settled, then all states off by a random share of their scales."""
     own = [model.settled(x[:4], u) for x, u in zip(X, U, strict=True)]
-    return np.hstack([X, own]) + unsettled * SCALE * np.random.default_rng(0).normal(size=(len(X), SIZE))
+    return np.hstack([X, own]) + unsettled * SCALE * np.random.default_rng(0).normal(size=(len(X), len(SCALE)))
 
 
 def on_a_ramp(
-    plant: DoubleTrackPlant, u: Array, u_next: Array, duration: float
+    plant: EquationsPlant, u: Array, u_next: Array, duration: float
 ) -> tuple[DiagramBuilder, TrajectorySource]:
     """A builder that holds the plant, and the source of its input, which goes from u to u_next over a duration [s]."""
     builder = DiagramBuilder()
@@ -61,11 +63,11 @@ def integrated(diagram: Diagram, context: Context, duration: float) -> None:
 @pytest.mark.parametrize("effects", [Effects(), EFFECTS])
 @pytest.mark.parametrize("unsettled", [0.0, 0.1])
 def test_a_step_is_the_plants_motion(name: str, effects: Effects, unsettled: float) -> None:
-    model = DoubleTrackStepModel(CARS[name], effects)
+    model = EquationsStepModel(CARS[name], effects)
     x = points(model, unsettled)
     x_next = model.step(x, U, U_NEXT, CURVATURE)
     for i in range(len(X)):
-        plant = DoubleTrackPlant(CARS[name], effects)
+        plant = EquationsPlant(CARS[name], effects)
         builder, _ = on_a_ramp(plant, U[i], U_NEXT[i], STEP)
         diagram = builder.Build()
         context = diagram.CreateDefaultContext()
@@ -81,7 +83,7 @@ def test_a_step_is_the_plants_motion(name: str, effects: Effects, unsettled: flo
 
 @pytest.mark.parametrize("effects", [Effects(), EFFECTS])
 def test_jacobians_are_of_second_order_in_the_sub_step(effects: Effects) -> None:
-    model = DoubleTrackStepModel(CARS["coupe"], effects)
+    model = EquationsStepModel(CARS["coupe"], effects)
     x, scale, errors = points(model, 0.05), block_scale(OWN_SCALE) / SCALE[:, None], []
     for substeps in (model.substeps, 4 * model.substeps):
         model.substeps = substeps
@@ -94,8 +96,8 @@ def test_jacobians_are_of_second_order_in_the_sub_step(effects: Effects) -> None
 
 
 def test_shorter_lags_ask_for_more_sub_steps() -> None:
-    assert DoubleTrackStepModel(CARS["coupe"]).substeps == 16
-    short = DoubleTrackStepModel(CARS["coupe"], Effects(torque_lag=1.5e-3))
+    assert EquationsStepModel(CARS["coupe"]).substeps == 16
+    short = EquationsStepModel(CARS["coupe"], Effects(torque_lag=1.5e-3))
     assert short.substeps > 30
     assert np.isfinite(short.step(points(short), U, U_NEXT, CURVATURE)).all()
 
@@ -103,9 +105,9 @@ def test_shorter_lags_ask_for_more_sub_steps() -> None:
 @pytest.mark.parametrize("effects", [Effects(), EFFECTS])
 def test_the_observer_finds_the_cars_own_states(effects: Effects) -> None:
     """From a wrong start, along measurements without noise."""
-    model, duration = DoubleTrackStepModel(CARS["coupe"], effects), 1.0
+    model, duration = EquationsStepModel(CARS["coupe"], effects), 1.0
     u, u_next = np.array([0.04, 80.0]), np.array([0.08, 160.0])
-    plant = DoubleTrackPlant(CARS["coupe"], effects)
+    plant = EquationsPlant(CARS["coupe"], effects)
     builder, source = on_a_ramp(plant, u, u_next, duration)
     observer = model.observer(0.01)
     assert isinstance(observer, InternalStateObserver)
@@ -130,17 +132,17 @@ def test_the_observer_finds_the_cars_own_states(effects: Effects) -> None:
 
 
 def test_magnitudes_are_taken_over() -> None:
-    model = DoubleTrackStepModel(CARS["coupe"]).with_theta(np.array(EFFECTS))
-    wanted = DoubleTrackStepModel(CARS["coupe"], EFFECTS)
+    model = EquationsStepModel(CARS["coupe"]).with_theta(np.array(EFFECTS))
+    wanted = EquationsStepModel(CARS["coupe"], EFFECTS)
     x = points(wanted)
     np.testing.assert_array_equal(model.step(x, U, U_NEXT, CURVATURE), wanted.step(x, U, U_NEXT, CURVATURE))
 
 
 def test_effects_beyond_it_are_refused() -> None:
     with pytest.raises(ValueError, match="steering_delay cannot be part of a one-step model"):
-        DoubleTrackStepModel(CARS["coupe"], Effects(steering_delay=0.1))
+        EquationsStepModel(CARS["coupe"], Effects(steering_delay=0.1))
     with pytest.raises(InvalidVehicleError, match="lateral_load_transfer cannot be put on a double-track car"):
-        DoubleTrackStepModel(CARS["coupe"], Effects(lateral_load_transfer=0.1))
+        EquationsStepModel(CARS["coupe"], Effects(lateral_load_transfer=0.1))
 
 
 def test_it_drives_the_double_track_car() -> None:

@@ -5,8 +5,8 @@ import pandas as pd
 import pytest
 
 from drift_drake.car.double_track.parameters import CARS, DoubleTrackParameters
-from drift_drake.car.double_track.step_model import DoubleTrackStepModel
 from drift_drake.car.effects.magnitudes import Effects, make_effects
+from drift_drake.car.equations_step import EquationsStepModel
 from drift_drake.car.log.cases import runs_of
 from drift_drake.car.log.table import InvalidLogError
 from drift_drake.car.parameters import VehicleParameters
@@ -308,7 +308,7 @@ def test_a_double_track_car_is_identified_as_one(model: BayesianModel, kind: Own
     assert choice.believed == "identified"
     assert choice.sentence().startswith("drive with the identified double-track car: half a second")
     assert choice.found.as_it_is > 3.0 * choice.found.error
-    assert isinstance(car.step_model(), DoubleTrackStepModel)
+    assert isinstance(car.step_model(), EquationsStepModel)
 
 
 def test_drives_that_are_too_short_identify_no_double_track_car(driven: list[pd.DataFrame]) -> None:

@@ -8,8 +8,8 @@ from pydrake.systems.primitives import LogVectorOutput, TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial
 
 from drift_drake.car.double_track.parameters import DoubleTrackParameters
-from drift_drake.car.double_track.plant import DoubleTrackPlant
 from drift_drake.car.effects.magnitudes import Effects
+from drift_drake.car.equations_plant import EquationsPlant
 from drift_drake.car.log.table import Run
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.car.single_track.plant import VehiclePlant
@@ -42,7 +42,7 @@ def reversing_run(plant):
     return Run("to_and_fro", t, r, np.abs(v), u[0], u[1], course, omega_r, psi=x[9], x=x[7], y=x[8])
 
 
-@pytest.mark.parametrize(("plant", "car"), [(VehiclePlant, ONE), (DoubleTrackPlant, TWO)])
+@pytest.mark.parametrize(("plant", "car"), [(VehiclePlant, ONE), (EquationsPlant, TWO)])
 def test_windows_of_a_car_that_reverses_are_predicted_to_nothing(plant, car):
     runs, _, _ = admit([reversing_run(plant(car))], car)
     assert sum(part.v.max() < 0.0 for part in runs) >= 2

@@ -12,13 +12,11 @@ from pydrake.systems.framework import BasicVector_, LeafSystem_, ValueProducer
 from pydrake.systems.scalar_conversion import TemplateSystem
 
 from drift_drake.car.effects.magnitudes import Effects
-from drift_drake.car.scalar import jitable
-from drift_drake.car.single_track.motion import INPUTS, STATES, path_rates, world_rates
+from drift_drake.car.on_path import PLANT_STATES
+from drift_drake.car.single_track.motion import INPUTS, STATES
 from drift_drake.common.errors import DriftDrakeError
 from drift_drake.common.updates import declare_output, declare_parts
 
-POSE = ("x", "y", "psi")
-PLANT_STATES = (*STATES, "s", *POSE)
 POSE_AT = PLANT_STATES.index("x")
 PORTS = {"state": slice(0, len(STATES)), "path_position": slice(len(STATES), POSE_AT),
          "pose": slice(POSE_AT, len(PLANT_STATES))}  # fmt: skip
@@ -44,14 +42,6 @@ class CurvedPath(Protocol):
 
     def to_world(self, s: Any, e: Any) -> tuple[Any, Any]:
         """(x, y) [m] of the point at s [m], e [m] to the left of the path."""
-
-
-@jitable
-def kinematic_rates(x: Any, beta_dot: Any, curvature: Any) -> tuple[Any, Any, Any, Any, Any, Any]:
-    """Rates of (e, dphi, s, x, y, psi) at a plant's state x, which begins with `PLANT_STATES`."""
-    e_dot, dphi_dot, s_dot = path_rates(x[0], x[1], beta_dot, x[4], x[5], curvature)
-    x_dot, y_dot, psi_dot = world_rates(x[0], x[1], x[2], x[9])
-    return e_dot, dphi_dot, s_dot, x_dot, y_dot, psi_dot
 
 
 class PathPlant:

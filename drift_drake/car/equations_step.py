@@ -1,0 +1,211 @@
+"""A car with states of its own as a one-step model: what an MPC believes that knows this car and its effects.
+
+The car's own states (a kind's `OWN`: actuators, rim difference, wheel loads, slips) are states of the model
+(`car.internal_states`). Its equations are those of `car.equations`, of any kind of car that has such states.
+"""
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drift_drake.car import equations
+from drift_drake.car.compilation import compiled
+from drift_drake.car.effects.magnitudes import Effects
+from drift_drake.car.equations import kind_of
+from drift_drake.car.integrate import paths
+from drift_drake.car.internal_states import RememberingStepModel, check_one_step, check_states
+from drift_drake.car.lanes import LANES, load_lanes, multiply_add, store_lanes
+from drift_drake.car.on_path import STEP_STATES, step_rates_of
+from drift_drake.car.parameters import CarParameters
+from drift_drake.car.scalar import jitable
+from drift_drake.car.step_model import INPUT_SCALE, STATE_SCALE, STEP
+from drift_drake.common.arrays import Array, contiguous
+
+DIFFERENCE = 1e-7  # of the states' sizes
+COLUMNS = 3 * LANES  # of (x, u, u_next), or of moved states and inputs and then none, in lanes
+MOST_OWN = COLUMNS - STEP_STATES - 4  # states of a car's own
+LEAST_SUBSTEPS = 16
+ACCURATE = 1.8  # of a sub-step times the fastest eigenvalue: RK4 is stable to 2.8 or so; a loaded tyre is stiffer
+SPEEDS = (3.0, 10.0, 30.0)  # [m/s] at which, rolling straight ahead, the fastest eigenvalue is looked for
+FOLLOWERS = {"steering": ("steering_lag", "steering_rate_limit"), "torque": ("torque_lag",)}
+"""Own states of actuators, each with the effects without which it is the command."""
+
+
+class EquationsStepModel(RememberingStepModel):
+    """One step of a car of any kind with states of its own: RK4 with sub-steps under linear input.
+
+    States [N, 6 + m]: r [rad/s], v [m/s], beta [rad], omega_r [m/s] (the mean rim speed of the rear wheels, as the
+    plant's sensors measure it), e [m], dphi [rad]; then the kind's `OWN`. Nothing is left out or taken for settled: the
+    fastest mode (of the double-track car the difference of the rear rims, ringing in the tyres at some 270 rad/s) sets
+    the number of sub-steps. The Jacobians are those of the equations (forward differences of a ten-millionth of the
+    states' sizes, good to a millionth), at the middle of each sub-step and constant over it: second order in the
+    sub-step, not the derivative of the integrator's sum.
+
+    A transport delay is beyond it, as are a road's grade on a heading and the sensors' effects.
+
+    Raises:
+        ValueError: such an effect, or more than `MOST_OWN` own states.
+        InvalidVehicleError: an effect that this car cannot have.
+    """
+
+    def __init__(self, parameters: CarParameters, effects: Effects = Effects()) -> None:
+        check_one_step(effects)
+        self.parameters, self.constants, self.effects = parameters, parameters.constants(), effects
+        self._kind = kind_of(self.constants)
+        self._kind.check_supported(effects)
+        self.internal_scale = np.array(self._kind.OWN_SCALE)
+        if len(self.internal_scale) > MOST_OWN:
+            raise ValueError(f"the car has {len(self.internal_scale)} own states; this model has room for {MOST_OWN}")
+        self._differences = DIFFERENCE * np.concatenate([STATE_SCALE, self.internal_scale, INPUT_SCALE])
+        self.substeps = 2 * math.ceil(max(LEAST_SUBSTEPS, STEP * self._fastest() / ACCURATE) / 2)  # even, in pairs
+
+    def with_effects(self, effects: Effects) -> "EquationsStepModel":
+        return EquationsStepModel(self.parameters, effects)
+
+    def step(self, x: Array, u: Array, u_next: Array, curvature: Array) -> Array:
+        check_states(x, self)
+        path = np.empty((1, *x.shape))
+        _paths(*contiguous(x, u, u_next, curvature), self.constants, self.effects, STEP, self.substeps, path)
+        return path[0]
+
+    def linearize(self, x: Array, u: Array, u_next: Array, curvature: Array) -> tuple[Array, Array, Array, Array]:
+        check_states(x, self)
+        n = x.shape[1]
+        path, sensitivity = np.empty((self.substeps, *x.shape)), np.empty((len(x), n, n + 4))
+        x, u, u_next, curvature = contiguous(x, u, u_next, curvature)
+        car = (self.constants, self.effects, STEP)
+        _paths(x, u, u_next, curvature, *car, 1, path)
+        _sensitivities(path, u, u_next, curvature, *car, self._differences, sensitivity)
+        return path[-1], sensitivity[:, :, :n], sensitivity[:, :, n : n + 2], sensitivity[:, :, n + 2 :]
+
+    def settled(self, state: Array, command: Array) -> Array:
+        z = np.zeros(self._kind.SIZE)
+        z[:4] = state
+        delta, tau = (float(value) for value in command)
+        self._kind.settle(z, delta, tau, self.constants, self.effects)
+        return z[5:]
+
+    def run_on(self, x: Array, u: Array, u_next: Array, duration: float) -> Array:
+        path, substeps = np.empty((1, 1, len(x))), math.ceil(self.substeps * duration / STEP)
+        _paths(*contiguous(x[None], u[None], u_next[None], np.zeros(1)), self.constants, self.effects, duration,
+               substeps, path)  # fmt: skip
+        return path[0, 0]
+
+    def follows_at_once(self) -> NDArray[np.bool_]:
+        q = self.effects._asdict()
+        return np.array([
+            name in FOLLOWERS and not any(q[effect] > 0.0 for effect in FOLLOWERS[name]) for name in self._kind.OWN
+        ])  # fmt: skip
+
+    def _fastest(self) -> float:
+        """Largest modulus [rad/s] of the equations' eigenvalues, rolling straight ahead at `SPEEDS`."""
+        size = STEP_STATES + len(self.internal_scale)
+        found, jacobian = 0.0, np.zeros((size, size + 2))
+        for speed in SPEEDS:
+            moving = np.array([0.0, speed, 0.0, speed])
+            x = np.concatenate([moving, np.zeros(2), self.settled(moving, np.zeros(2))])
+            _linearized(x, np.zeros(2), 0.0, self.constants, self.effects, self._differences, jacobian)
+            found = max(found, float(np.abs(np.linalg.eigvals(jacobian[:, :size])).max()))
+        return found
+
+
+@jitable
+def _rates(x: Any, command: Any, car: Any, out: Any) -> None:
+    """`on_path.step_rates_of`, of the kind of the car."""
+    step_rates_of(equations.rates, x, command, car, out)
+
+
+@compiled
+def _linearized(x: Array, command: Array, curvature: float, p: Any, q: Effects, differences: Array,
+                jacobian: Array) -> None:  # fmt: skip
+    """Writes the derivatives of the rates by (x, delta, tau) [n, n + 2], as forward differences: a lane each."""
+    size = len(x)
+    z, out, rates = np.empty((size + 2) * LANES), np.empty(size * LANES), np.empty((size, COLUMNS))
+    car = curvature, p, q, (0.0, 0.0, 0.0), np.empty((2, (size - 1) * LANES))
+    for first in range(0, COLUMNS, LANES):
+        for i in range(size + 2):
+            value = x[i] if i < size else command[i - size]
+            for lane in range(LANES):
+                z[i * LANES + lane] = value + (differences[i] if i == first + lane else 0.0)
+        _rates(z, (load_lanes(z, size), load_lanes(z, size + 1)), car, out)
+        for i in range(size):
+            for lane in range(LANES):
+                rates[i, first + lane] = out[i * LANES + lane]
+    for i in range(size):
+        for j in range(size + 2):
+            jacobian[i, j] = (rates[i, j] - rates[i, size + 2]) / differences[j]
+
+
+@compiled
+def _paths(x: Array, u: Array, u_next: Array, curvature: Array, p: Any, q: Effects, dt: float, every: int,
+           path: Array) -> None:  # fmt: skip
+    """`integrate.paths` of this car."""
+    scratch = np.empty((2, (x.shape[1] - 1) * LANES))
+    paths(_rates, x, u, u_next, curvature, (p, q, (0.0, 0.0, 0.0), scratch), dt, every, path)
+
+
+@compiled
+def _sensitivities(path: Array, u: Array, u_next: Array, curvature: Array, p: Any, q: Effects, dt: float,
+                   differences: Array, sensitivity: Array) -> None:  # fmt: skip
+    """Writes the sensitivities S [N, n, n + 4] by (x, u, u_next): dS/dt = A S + B (input's share), with A, B at every
+    other state of a path [2 K, N, n] and constant from the state before it to the one behind."""
+    size = path.shape[2]
+    command, jacobian, substeps = np.empty(2), np.zeros((size, size + 2)), len(path)
+    s, further = np.zeros((size + 2) * COLUMNS), np.zeros((2, (size + 2) * COLUMNS))
+    filled, count = np.empty((size, size + 2), np.int64), np.empty(size, np.int64)
+    for n in range(len(u)):
+        s[:] = 0.0
+        for i in range(size + 2):
+            s[i * COLUMNS + i] = 1.0
+        for sub in range(substeps):
+            if sub % 2 == 0:
+                share = (sub + 1) / substeps
+                for i in range(2):
+                    command[i] = u[n, i] + share * (u_next[n, i] - u[n, i])
+                _linearized(path[sub, n], command, curvature[n], p, q, differences, jacobian)
+                _find_filled(jacobian, filled, count)
+            _propagate(s, further, jacobian, filled, count, dt / substeps, 1.0 / substeps)
+        for i in range(size):
+            for j in range(size + 4):
+                sensitivity[n, i, j] = s[i * COLUMNS + j]
+
+
+@jitable
+def _find_filled(jacobian: Array, filled: NDArray[np.int64], count: NDArray[np.int64]) -> None:
+    """Which entries of a row are not zero: of the double-track car 150 of 361 of A."""
+    for i in range(len(count)):
+        count[i] = 0
+        for m in range(jacobian.shape[1]):
+            if jacobian[i, m] != 0.0:
+                filled[i, count[i]] = m
+                count[i] += 1
+
+
+@jitable
+def _propagate(s: Array, further: Array, jacobian: Array, filled: NDArray[np.int64], count: NDArray[np.int64], h: float,
+               share: float) -> None:  # fmt: skip
+    """S and the inputs' rows below it [n + 2 rows, flat], h [s] and a share of the inputs' way later: Runge-Kutta's sum
+    for constant A and B, s + h A (s + h/2 A (s + h/3 A (s + h/4 A s))). A row is of COLUMNS / LANES = 3 lanes."""
+    before, size = s, len(count)
+    for order in range(4, 0, -1):
+        after = further[order % 2]
+        for i in range(size):
+            first = second = third = 0.0 * load_lanes(s, 0)
+            for c in range(count[i]):
+                m = filled[i, c]
+                entry = jacobian[i, m]
+                first = multiply_add(entry, load_lanes(before, 3 * m), first)
+                second = multiply_add(entry, load_lanes(before, 3 * m + 1), second)
+                third = multiply_add(entry, load_lanes(before, 3 * m + 2), third)
+            store_lanes(after, 3 * i, load_lanes(s, 3 * i) + h / order * first)
+            store_lanes(after, 3 * i + 1, load_lanes(s, 3 * i + 1) + h / order * second)
+            store_lanes(after, 3 * i + 2, load_lanes(s, 3 * i + 2) + h / order * third)
+        for j in range(2):
+            row = (size + j) * COLUMNS
+            after[row + size + j] = s[row + size + j] - share / order
+            after[row + size + 2 + j] = s[row + size + 2 + j] + share / order
+        before = after
+    for i in range(len(s)):
+        s[i] = before[i]

@@ -1,24 +1,42 @@
-"""A car of any kind in a file: single-track, double-track, or a simulator of the user's."""
+"""A car of any kind in a file: single-track, double-track, on brush tyres, or a simulator of the user's."""
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from drift_drake.car.double_track.car_file import double_track_of_data
+from drift_drake.car.brush.parameters import BrushParameters
 from drift_drake.car.double_track.parameters import DoubleTrackParameters
 from drift_drake.car.effects.magnitudes import Effects
+from drift_drake.car.equations import check_supported
 from drift_drake.car.foreign.simulator_car import SimulatorCar, read_simulator
-from drift_drake.car.parameters import CarParameters, InvalidVehicleError, VehicleParameters, vehicle_data
+from drift_drake.car.parameters import (
+    CarParameters,
+    InvalidVehicleError,
+    VehicleParameters,
+    check_keys,
+    read_plain,
+    vehicle_data,
+)
+from drift_drake.car.proportions import check_brush, check_double_track
 from drift_drake.car.vehicle_file import (
+    BRUSH,
     DOUBLE_TRACK,
     NO_VEHICLE_FILE,
     SIMULATOR,
+    SINGLE_TRACK,
     check_effects,
     check_plausible,
     effects_of,
+    kept_single_track,
+    key_of,
     single_track_of_data,
 )
 
-PlantParameters = VehicleParameters | DoubleTrackParameters  # of this package's own kinds
+PlantParameters = VehicleParameters | DoubleTrackParameters | BrushParameters  # of this package's own kinds
+KINDS: dict[str, tuple[type, Callable[[Any, str], None]]] = {
+    DOUBLE_TRACK: (DoubleTrackParameters, check_double_track), BRUSH: (BrushParameters, check_brush),
+}  # fmt: skip
+"""Cars with states of their own, by the key of a file: parameters, and what sees that they may be some vehicle's."""
 
 
 def read_car(path: str | Path) -> tuple[CarParameters, Effects]:
@@ -41,8 +59,22 @@ def car_of_data(data: Any, path: str | Path) -> tuple[CarParameters, Effects]:
             if getattr(effects, name) != 0.0:
                 raise InvalidVehicleError(f"{path}: effects.{name}: the simulator cannot have it ({why}); leave it out")
         return car, effects
-    double_track = isinstance(data, dict) and DOUBLE_TRACK in data
-    return (double_track_of_data if double_track else single_track_of_data)(data, str(path))
+    key = key_of(data)
+    return _with_own_states(data, key, str(path)) if key else single_track_of_data(data, str(path))
+
+
+def _with_own_states(data: Any, key: str, source: str) -> tuple[CarParameters, Effects]:
+    """The car of a kind with states of its own, and its effects; every parameter but the tolerance must be there."""
+    kind, check = KINDS[key]
+    check_keys(source, "", data, {key, SINGLE_TRACK, "effects"})
+    kept_single_track(data, source)
+    effects = effects_of(data.get("effects"), source)
+    car = read_plain(kind, data[key], f"{source}: {key}")
+    check_plausible(car.single_track(), source)
+    check_effects(effects, car.single_track(), source)
+    check_supported(car.constants(), effects, source)
+    check(car, source)
+    return car, effects
 
 
 def plant_of(car: CarParameters, source: str | Path = "the vehicle") -> PlantParameters:

@@ -11,25 +11,30 @@ from typing import Any
 
 from numba.extending import overload
 
+from drift_drake.car.brush import equations as brush
+from drift_drake.car.brush.parameters import BrushConstants
 from drift_drake.car.double_track import equations as double_track
 from drift_drake.car.double_track.constants import DoubleTrackConstants
 from drift_drake.car.effects.magnitudes import Effects
 from drift_drake.car.foreign.simulator import SimulatorConstants
-from drift_drake.car.parameters import Constants
+from drift_drake.car.parameters import Constants, InvalidVehicleError
 from drift_drake.car.single_track import equations as single_track
 
-CarConstants = Constants | DoubleTrackConstants | SimulatorConstants
+CarConstants = Constants | DoubleTrackConstants | BrushConstants | SimulatorConstants
 
-EQUATIONS: dict[type, ModuleType] = {Constants: single_track, DoubleTrackConstants: double_track}
+EQUATIONS: dict[type, ModuleType] = {
+    Constants: single_track, DoubleTrackConstants: double_track, BrushConstants: brush,
+}  # fmt: skip
 """By the record of a car's numbers."""
 
 
 def kind_of(constants: CarConstants) -> Any:
     """The module of a car's equations, or a simulator of the user's, which has no equations here but the same names.
 
-    `LACKS`: effects that mean nothing on it; `DEVIATIONS`: what a vehicle file says nothing of; `FOLDED`: effects that
-    `changed_constants` puts into its numbers; `STEPPED`: whether its internal states follow a measured motion by the
-    steps of a prediction; `flattened`: all of a car's numbers in one row.
+    `LABEL`: what it is called; `LACKS`: effects that mean nothing on it; `DEVIATIONS`: what a vehicle file says nothing
+    of; `FOLDED`: effects that `changed_constants` puts into its numbers; `STEPPED`: whether its internal states follow
+    a measured motion by the steps of a prediction; `flattened`: all of a car's numbers in one row. Of cars with states
+    of their own: `OWN`, these states' names, `OWN_SCALE`, their sizes, and `plant_rates`.
     """
     return constants.simulator if isinstance(constants, SimulatorConstants) else EQUATIONS[type(constants)]
 
@@ -38,6 +43,16 @@ def folded_into(constants: CarConstants, effects: Effects) -> tuple[Any, Effects
     """A car's numbers with the effects that change them put into them, and the effects that are left."""
     kind = kind_of(constants)
     return kind.changed_constants(constants, effects), effects._replace(**dict.fromkeys(kind.FOLDED, 0.0))
+
+
+def check_supported(constants: CarConstants, effects: Effects, source: str = "vehicle") -> None:
+    """Raises an InvalidVehicleError that names `source` and the effects that a car of this kind cannot have."""
+    kind = EQUATIONS[type(constants)]
+    if alien := [name for name in kind.LACKS if getattr(effects, name) != 0.0]:
+        raise InvalidVehicleError(
+            f"{source}: {', '.join(alien)} cannot be put on a {kind.LABEL}, which has load transfer, tyres that slide "
+            "and a differential of its own; leave it out, or change the car's parameters"
+        )
 
 
 def size_of(constants: CarConstants) -> int:

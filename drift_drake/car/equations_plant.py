@@ -8,7 +8,7 @@ import numpy as np
 from pydrake.common.containers import namedview
 
 from drift_drake.car.effects.magnitudes import Effects
-from drift_drake.car.equations import kind_of
+from drift_drake.car.equations import check_supported, kind_of
 from drift_drake.car.on_path import OF_EQUATIONS, PLANT_STATES, plant_rates_of
 from drift_drake.car.parameters import CarParameters
 from drift_drake.car.path_plant import CurvedPath, PathPlant, plant_template
@@ -50,7 +50,7 @@ class CarWithOwnStates(PathPlant):
         """Declares parameters, state and ports on numbers of the type T."""
         constants = parameters.constants()
         self._kind = kind_of(constants)
-        self._kind.check_supported(effects)
+        check_supported(constants, effects)
         self.parameters, self.effects = parameters, effects
         self.state_names = (*PLANT_STATES, *self._kind.OWN)
         self.state_view = _view(self.state_names)

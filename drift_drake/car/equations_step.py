@@ -13,19 +13,19 @@ from numpy.typing import NDArray
 from drift_drake.car import equations
 from drift_drake.car.compilation import compiled
 from drift_drake.car.effects.magnitudes import Effects
-from drift_drake.car.equations import kind_of
+from drift_drake.car.equations import check_supported, kind_of
 from drift_drake.car.integrate import paths
 from drift_drake.car.internal_states import RememberingStepModel, check_one_step, check_states
 from drift_drake.car.lanes import LANES, load_lanes, multiply_add, store_lanes
-from drift_drake.car.on_path import STEP_STATES, step_rates_of
+from drift_drake.car.on_path import of_step, step_rates_of
 from drift_drake.car.parameters import CarParameters
 from drift_drake.car.scalar import jitable
 from drift_drake.car.step_model import INPUT_SCALE, STATE_SCALE, STEP
 from drift_drake.common.arrays import Array, contiguous
 
 DIFFERENCE = 1e-7  # of the states' sizes
-COLUMNS = 3 * LANES  # of (x, u, u_next), or of moved states and inputs and then none, in lanes
-MOST_OWN = COLUMNS - STEP_STATES - 4  # states of a car's own
+COLUMNS = 3 * LANES  # of (z, u, u_next), or of moved states and inputs and then none, in lanes; z: of `on_path.of_step`
+MOST_OWN = COLUMNS - 7 - 4  # states of a car's own
 LEAST_SUBSTEPS = 16
 ACCURATE = 1.8  # of a sub-step times the fastest eigenvalue: RK4 is stable to 2.8 or so; a loaded tyre is stiffer
 SPEEDS = (3.0, 10.0, 30.0)  # [m/s] at which, rolling straight ahead, the fastest eigenvalue is looked for
@@ -54,31 +54,31 @@ class EquationsStepModel(RememberingStepModel):
         check_one_step(effects)
         self.parameters, self.constants, self.effects = parameters, parameters.constants(), effects
         self._kind = kind_of(self.constants)
-        self._kind.check_supported(effects)
+        check_supported(self.constants, effects)
         self.internal_scale = np.array(self._kind.OWN_SCALE)
         if len(self.internal_scale) > MOST_OWN:
             raise ValueError(f"the car has {len(self.internal_scale)} own states; this model has room for {MOST_OWN}")
-        self._differences = DIFFERENCE * np.concatenate([STATE_SCALE, self.internal_scale, INPUT_SCALE])
+        self._places = of_step(len(self.internal_scale))
+        self._differences = np.full(len(self._places) + 3, DIFFERENCE)
+        self._differences[self._places] *= np.concatenate([STATE_SCALE, self.internal_scale])
+        self._differences[-2:] *= INPUT_SCALE
         self.substeps = 2 * math.ceil(max(LEAST_SUBSTEPS, STEP * self._fastest() / ACCURATE) / 2)  # even, in pairs
 
     def with_effects(self, effects: Effects) -> "EquationsStepModel":
         return EquationsStepModel(self.parameters, effects)
 
     def step(self, x: Array, u: Array, u_next: Array, curvature: Array) -> Array:
-        check_states(x, self)
-        path = np.empty((1, *x.shape))
-        _paths(*contiguous(x, u, u_next, curvature), self.constants, self.effects, STEP, self.substeps, path)
-        return path[0]
+        return self._after(x, u, u_next, curvature, STEP, self.substeps)
 
     def linearize(self, x: Array, u: Array, u_next: Array, curvature: Array) -> tuple[Array, Array, Array, Array]:
-        check_states(x, self)
-        n = x.shape[1]
-        path, sensitivity = np.empty((self.substeps, *x.shape)), np.empty((len(x), n, n + 4))
-        x, u, u_next, curvature = contiguous(x, u, u_next, curvature)
+        z, n = self._of_equations(x), x.shape[1]
+        path, sensitivity = np.empty((self.substeps, *z.shape)), np.empty((len(x), n, n + 4))
+        given = contiguous(u, u_next, curvature)
         car = (self.constants, self.effects, STEP)
-        _paths(x, u, u_next, curvature, *car, 1, path)
-        _sensitivities(path, u, u_next, curvature, *car, self._differences, sensitivity)
-        return path[-1], sensitivity[:, :, :n], sensitivity[:, :, n : n + 2], sensitivity[:, :, n + 2 :]
+        _paths(z, *given, *car, 1, path)
+        _sensitivities(path, *given, *car, self._differences, self._places, sensitivity)
+        by_x, by_u, by_u_next = np.split(sensitivity, [n, n + 2], axis=2)
+        return path[-1][:, self._places], by_x, by_u, by_u_next
 
     def settled(self, state: Array, command: Array) -> Array:
         z = np.zeros(self._kind.SIZE)
@@ -88,10 +88,8 @@ class EquationsStepModel(RememberingStepModel):
         return z[5:]
 
     def run_on(self, x: Array, u: Array, u_next: Array, duration: float) -> Array:
-        path, substeps = np.empty((1, 1, len(x))), math.ceil(self.substeps * duration / STEP)
-        _paths(*contiguous(x[None], u[None], u_next[None], np.zeros(1)), self.constants, self.effects, duration,
-               substeps, path)  # fmt: skip
-        return path[0, 0]
+        substeps = math.ceil(self.substeps * duration / STEP)
+        return self._after(x[None], u[None], u_next[None], np.zeros(1), duration, substeps)[0]
 
     def follows_at_once(self) -> NDArray[np.bool_]:
         q = self.effects._asdict()
@@ -99,37 +97,51 @@ class EquationsStepModel(RememberingStepModel):
             name in FOLLOWERS and not any(q[effect] > 0.0 for effect in FOLLOWERS[name]) for name in self._kind.OWN
         ])  # fmt: skip
 
+    def _of_equations(self, x: Array) -> Array:
+        """Their states z with e and dphi behind them, the heading zero [N, n + 1]."""
+        check_states(x, self)
+        z = np.zeros((len(x), x.shape[1] + 1))
+        z[:, self._places] = x
+        return z
+
+    def _after(self, x: Array, u: Array, u_next: Array, curvature: Array, duration: float, substeps: int) -> Array:
+        """The states [N, n] a duration [s] later."""
+        z = self._of_equations(x)
+        path = np.empty((1, *z.shape))
+        _paths(z, *contiguous(u, u_next, curvature), self.constants, self.effects, duration, substeps, path)
+        return path[0][:, self._places]
+
     def _fastest(self) -> float:
         """Largest modulus [rad/s] of the equations' eigenvalues, rolling straight ahead at `SPEEDS`."""
-        size = STEP_STATES + len(self.internal_scale)
+        size = len(self._places) + 1
         found, jacobian = 0.0, np.zeros((size, size + 2))
         for speed in SPEEDS:
             moving = np.array([0.0, speed, 0.0, speed])
-            x = np.concatenate([moving, np.zeros(2), self.settled(moving, np.zeros(2))])
-            _linearized(x, np.zeros(2), 0.0, self.constants, self.effects, self._differences, jacobian)
+            x = np.concatenate([moving, np.zeros(2), self.settled(moving, np.zeros(2))])[None]
+            _linearized(self._of_equations(x)[0], np.zeros(2), 0.0, self.constants, self.effects, self._differences,
+                        jacobian)  # fmt: skip
             found = max(found, float(np.abs(np.linalg.eigvals(jacobian[:, :size])).max()))
         return found
 
 
 @jitable
-def _rates(x: Any, command: Any, car: Any, out: Any) -> None:
+def _rates(z: Any, command: Any, car: Any, out: Any) -> None:
     """`on_path.step_rates_of`, of the kind of the car."""
-    step_rates_of(equations.rates, x, command, car, out)
+    step_rates_of(equations.rates, z, command, car, out)
 
 
 @compiled
-def _linearized(x: Array, command: Array, curvature: float, p: Any, q: Effects, differences: Array,
+def _linearized(state: Array, command: Array, curvature: float, p: Any, q: Effects, differences: Array,
                 jacobian: Array) -> None:  # fmt: skip
-    """Writes the derivatives of the rates by (x, delta, tau) [n, n + 2], as forward differences: a lane each."""
-    size = len(x)
+    """Writes the derivatives of the rates by (z, delta, tau), as forward differences: a lane each."""
+    size = len(state)
     z, out, rates = np.empty((size + 2) * LANES), np.empty(size * LANES), np.empty((size, COLUMNS))
-    car = curvature, p, q, (0.0, 0.0, 0.0), np.empty((2, (size - 1) * LANES))
     for first in range(0, COLUMNS, LANES):
         for i in range(size + 2):
-            value = x[i] if i < size else command[i - size]
+            value = state[i] if i < size else command[i - size]
             for lane in range(LANES):
                 z[i * LANES + lane] = value + (differences[i] if i == first + lane else 0.0)
-        _rates(z, (load_lanes(z, size), load_lanes(z, size + 1)), car, out)
+        _rates(z[: size * LANES], (load_lanes(z, size), load_lanes(z, size + 1)), (curvature, p, q), out)
         for i in range(size):
             for lane in range(LANES):
                 rates[i, first + lane] = out[i * LANES + lane]
@@ -139,18 +151,18 @@ def _linearized(x: Array, command: Array, curvature: float, p: Any, q: Effects, 
 
 
 @compiled
-def _paths(x: Array, u: Array, u_next: Array, curvature: Array, p: Any, q: Effects, dt: float, every: int,
+def _paths(z: Array, u: Array, u_next: Array, curvature: Array, p: Any, q: Effects, dt: float, every: int,
            path: Array) -> None:  # fmt: skip
     """`integrate.paths` of this car."""
-    scratch = np.empty((2, (x.shape[1] - 1) * LANES))
-    paths(_rates, x, u, u_next, curvature, (p, q, (0.0, 0.0, 0.0), scratch), dt, every, path)
+    paths(_rates, z, u, u_next, curvature, (p, q), dt, every, path)
 
 
 @compiled
 def _sensitivities(path: Array, u: Array, u_next: Array, curvature: Array, p: Any, q: Effects, dt: float,
-                   differences: Array, sensitivity: Array) -> None:  # fmt: skip
+                   differences: Array, places: NDArray[np.int64], sensitivity: Array) -> None:  # fmt: skip
     """Writes the sensitivities S [N, n, n + 4] by (x, u, u_next): dS/dt = A S + B (input's share), with A, B at every
-    other state of a path [2 K, N, n] and constant from the state before it to the one behind."""
+    other state of a path [2 K, N, n + 1] and constant from the state before it to the one behind; places [n]: of x in
+    the path's states."""
     size = path.shape[2]
     command, jacobian, substeps = np.empty(2), np.zeros((size, size + 2)), len(path)
     s, further = np.zeros((size + 2) * COLUMNS), np.zeros((2, (size + 2) * COLUMNS))
@@ -167,14 +179,16 @@ def _sensitivities(path: Array, u: Array, u_next: Array, curvature: Array, p: An
                 _linearized(path[sub, n], command, curvature[n], p, q, differences, jacobian)
                 _find_filled(jacobian, filled, count)
             _propagate(s, further, jacobian, filled, count, dt / substeps, 1.0 / substeps)
-        for i in range(size):
-            for j in range(size + 4):
-                sensitivity[n, i, j] = s[i * COLUMNS + j]
+        for i in range(len(places)):
+            for j in range(len(places)):
+                sensitivity[n, i, j] = s[places[i] * COLUMNS + places[j]]
+            for j in range(4):
+                sensitivity[n, i, len(places) + j] = s[places[i] * COLUMNS + size + j]
 
 
 @jitable
 def _find_filled(jacobian: Array, filled: NDArray[np.int64], count: NDArray[np.int64]) -> None:
-    """Which entries of a row are not zero: of the double-track car 150 of 361 of A."""
+    """Which entries of a row are not zero: of the double-track car 151 of 400 of A."""
     for i in range(len(count)):
         count[i] = 0
         for m in range(jacobian.shape[1]):

@@ -2,11 +2,11 @@
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
-from drift_drake.car.car_file import car_of_data
-from drift_drake.car.double_track.parameters import DoubleTrackParameters
+from drift_drake.car.car_file import KINDS, car_of_data
 from drift_drake.car.effects.magnitudes import Effects
+from drift_drake.car.equations import kind_of
 from drift_drake.car.foreign.simulator_car import SimulatorCar
 from drift_drake.car.parameters import CarParameters, InvalidVehicleError, VehicleParameters, vehicle_data
 from drift_drake.car.vehicle_file import effects_of, kept_single_track, tolerances_in
@@ -14,12 +14,12 @@ from drift_drake.car.vehicle_file import effects_of, kept_single_track, toleranc
 GivenEffects = Effects | Mapping[str, float]
 Vehicle = str | Path | CarParameters | tuple[CarParameters, GivenEffects]
 
-CARS = (VehicleParameters, DoubleTrackParameters, SimulatorCar)
+CARS: Any = (VehicleParameters, *(kind for kind, _ in KINDS.values()), SimulatorCar)
 
 
 class GivenVehicle(NamedTuple):
-    """Parameters, effects, the names of those tolerances that the vehicle file states, and, of a double-track car, the
-    single-track one that the file keeps with it."""
+    """Parameters, effects, the names of those tolerances that the vehicle file states, and, of another car, the single-
+    track one that the file keeps with it."""
 
     parameters: CarParameters
     effects: Effects
@@ -28,7 +28,7 @@ class GivenVehicle(NamedTuple):
 
 
 class OnOneTrack(NamedTuple):
-    """A single-track car, its effects, and what is to be said where it stands for a double-track one."""
+    """A single-track car, its effects, and what is to be said where it stands for another."""
 
     parameters: VehicleParameters
     effects: Effects
@@ -55,6 +55,11 @@ def vehicle_given(vehicle: Vehicle) -> GivenVehicle:
     )
 
 
+def label_of(car: CarParameters) -> str:
+    """What a car of this kind is called."""
+    return str(kind_of(car.constants()).LABEL)
+
+
 def single_track_of(car: CarParameters) -> VehicleParameters:
     """The car where only a single-track one will do.
 
@@ -63,15 +68,14 @@ def single_track_of(car: CarParameters) -> VehicleParameters:
     """
     if not isinstance(car, VehicleParameters):
         raise InvalidVehicleError(
-            f"the vehicle is a {'simulator of yours' if isinstance(car, SimulatorCar) else 'double-track car'}, of "
-            "which this asks too much; calibrate it by prediction ('drift-drake identify --json CAR.json') and give "
-            "--calibration CAR.json, or give a single-track one"
+            f"the vehicle is a {label_of(car)}, of which this asks too much; calibrate it by prediction "
+            "('drift-drake identify --json CAR.json') and give --calibration CAR.json, or give a single-track one"
         )
     return car
 
 
 def on_one_track(given: GivenVehicle, source: str | Path = "vehicle") -> OnOneTrack:
-    """The car where only a single-track one will do: of a double-track car the one that is kept with it.
+    """The car where only a single-track one will do: of another the one that is kept with it.
 
     Raises:
         InvalidVehicleError: names `source` and the remedy.
@@ -79,12 +83,12 @@ def on_one_track(given: GivenVehicle, source: str | Path = "vehicle") -> OnOneTr
     if isinstance(given.parameters, VehicleParameters):
         return OnOneTrack(given.parameters, given.effects)
     if given.single_track is not None:
-        remark = "the car is a double-track one: this uses the single-track car that was calibrated on the same logs"
+        label = label_of(given.parameters)
+        remark = f"the car is a {label}: this uses the single-track car that was calibrated on the same logs"
         return OnOneTrack(*given.single_track, remark)
-    kind = "simulator of yours" if isinstance(given.parameters, SimulatorCar) else "double-track car"
     raise InvalidVehicleError(
-        f"{source}: holds a {kind}, and no single-track car with it, which this needs; give the file that "
-        "'drift-drake identify --car auto' or '--car single-track' writes of the same logs"
+        f"{source}: holds a {label_of(given.parameters)}, and no single-track car with it, which this needs; give the "
+        "file that 'drift-drake identify --car auto' or '--car single-track' writes of the same logs"
     )
 
 

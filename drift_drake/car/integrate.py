@@ -59,7 +59,7 @@ def paths(rates: Callable[..., Any], x: Any, u: Any, u_next: Any, curvature: Any
     Args:
         rates: as of `runge_kutta`, on `lanes`, its car the path's curvature [1/m] and what `car` holds.
         x: [N, n]; u, u_next: [N, 2]; curvature: [N].
-        car: a tuple. every: sub-steps from one state that is written to the next.
+        car: a pair. every: sub-steps from one state that is written to the next.
         path: [K, N, n], written: the states after each K-th of dt.
     """
     size, substeps = x.shape[1], every * len(path)
@@ -71,7 +71,7 @@ def paths(rates: Callable[..., Any], x: Any, u: Any, u_next: Any, curvature: Any
         _gathered(curvature.reshape(-1, 1), first, inputs[2])
         start = load_lanes(inputs[0], 0), load_lanes(inputs[0], 1)
         end = load_lanes(inputs[1], 0), load_lanes(inputs[1], 1)
-        here = (load_lanes(inputs[2], 0),) + car  # noqa: RUF005 (for numba)
+        here = load_lanes(inputs[2], 0), car[0], car[1]
         for sub in range(substeps):
             shares = sub / substeps, (sub + 0.5) / substeps, (sub + 1.0) / substeps
             runge_kutta(rates, z, ramp(start, end, shares[0]), ramp(start, end, shares[1]), ramp(start, end, shares[2]),

@@ -1,18 +1,22 @@
 """Cars with states of their own on a path: the states of a plant or of a step model, and those of their equations.
 
 Equations (`car.equations`) are of z: r, v, beta, omega_r, psi, then the car's own states. A plant has `PLANT_STATES` in
-their place, a step model the paper's six. Each kind of car gives its `rates`.
+place of the first five, a step model the paper's six: `of_step` says where these are in z with e and dphi behind it.
+Each kind of car gives its `rates`.
 """
 
 from collections.abc import Callable
 from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from drift_drake.car.scalar import jitable, length, loaded, stored
 from drift_drake.car.single_track.motion import STATES, body_acceleration, path_rates, world_rates
 
 POSE = ("x", "y", "psi")
 PLANT_STATES = (*STATES, "s", *POSE)
-PLANT, STEP_STATES, OF_EQUATIONS = len(PLANT_STATES), 6, 5  # states before the car's own
+PLANT, OF_EQUATIONS = len(PLANT_STATES), 5  # states before the car's own
 MOVING = 4  # r, v, beta, omega_r, which all of them begin with
 PSI = PLANT_STATES.index("psi")
 
@@ -50,23 +54,21 @@ def plant_rates_of(rates: Callable[..., Any], x: Any, u: Any, wrench: Any, curva
     out[len(x)], out[len(x) + 1] = body_acceleration(x[0], x[1], x[2], k[1], k[2])
 
 
+def of_step(own: int) -> NDArray[np.int64]:
+    """Places [6 + own] of a step model's states in z, e and dphi."""
+    last = OF_EQUATIONS + own
+    return np.array([*range(MOVING), last, last + 1, *range(OF_EQUATIONS, last)])
+
+
 @jitable
-def step_rates_of(rates: Callable[..., Any], x: Any, command: Any, car: Any, out: Any) -> None:
-    """Writes the rates of a step model's states x under the commands (delta [rad], tau [N m]); where these are `lanes`,
-    of that many cars. car: the path's curvature [1/m], constants, effects, wrench, scratch [2, a number less]."""
-    curvature, p, q, wrench, scratch = car
-    like, z, k = command[0], scratch[0], scratch[1]
-    for i in range(MOVING):
-        stored(z, i, loaded(x, i, like))
-    stored(z, MOVING, 0.0 * like)
-    for i in range(OF_EQUATIONS, length(z, like)):
-        stored(z, i, loaded(x, i + STEP_STATES - OF_EQUATIONS, like))
-    rates(z, command, (p, q, wrench), k)
-    for i in range(MOVING):
-        stored(out, i, loaded(k, i, like))
-    e_dot, dphi_dot, _ = path_rates(loaded(x, 0, like), loaded(x, 1, like), loaded(k, 2, like), loaded(x, 4, like),
-                                    loaded(x, 5, like), curvature)  # fmt: skip
-    stored(out, MOVING, e_dot)
-    stored(out, MOVING + 1, dphi_dot)
-    for i in range(OF_EQUATIONS, length(z, like)):
-        stored(out, i + STEP_STATES - OF_EQUATIONS, loaded(k, i, like))
+def step_rates_of(rates: Callable[..., Any], z: Any, command: Any, car: Any, out: Any) -> None:
+    """Writes the rates of the equations' states, e and dphi under the commands (delta [rad], tau [N m]); where these
+    are `lanes`, of that many cars. car: the path's curvature [1/m], constants, effects."""
+    curvature, p, q = car
+    like = command[0]
+    rates(z, command, (p, q, (0.0, 0.0, 0.0)), out)
+    e, dphi = length(z, like) - 2, length(z, like) - 1
+    e_dot, dphi_dot, _ = path_rates(loaded(z, 0, like), loaded(z, 1, like), loaded(out, 2, like), loaded(z, e, like),
+                                    loaded(z, dphi, like), curvature)  # fmt: skip
+    stored(out, e, e_dot)
+    stored(out, dphi, dphi_dot)

@@ -24,7 +24,7 @@ from drift_drake.car.single_track.motion_with_effects import changed_constants
 from drift_drake.common.errors import shown
 from drift_drake.common.safe_files import write_text
 
-DOUBLE_TRACK = "double_track"  # key of a file that holds such a car (`double_track.car_file`)
+DOUBLE_TRACK, BRUSH = "double_track", "brush"  # keys of files that hold such cars (`car_file`)
 SINGLE_TRACK = "single_track"  # in that file, the single-track car that was calibrated on the same logs
 SIMULATOR = "simulator"  # of one that holds a simulator of the user's (`foreign.simulator_car`)
 NO_VEHICLE_FILE = (
@@ -164,10 +164,10 @@ def read_vehicle(path: str | Path) -> tuple[VehicleParameters, Effects]:
 
 def single_track_of_data(data: Any, source: str) -> tuple[VehicleParameters, Effects]:
     """`read_vehicle` of what a file holds; errors name `source`."""
-    if isinstance(data, dict) and DOUBLE_TRACK in data:
+    if kind := key_of(data):
         raise InvalidVehicleError(
-            f"{source}: holds a double-track car, which 'drift-drake identify', 'check', 'diagnose', 'apply', "
-            "'replay', 'drive', 'choose', 'plan-next' and 'watch' take; give a single-track vehicle file here "
+            f"{source}: holds a {kind.replace('_', '-')} car, which 'drift-drake identify', 'check', 'diagnose', "
+            "'apply', 'replay', 'drive', 'choose', 'plan-next' and 'watch' take; give a single-track vehicle file here "
             "('identify --car single-track' writes one)"
         )
     if isinstance(data, dict) and SIMULATOR in data:
@@ -178,6 +178,11 @@ def single_track_of_data(data: Any, source: str) -> tuple[VehicleParameters, Eff
     check_plausible(parameters, source)
     check_effects(effects, parameters, source)
     return parameters, effects
+
+
+def key_of(data: Any) -> str:
+    """The key that says of which other kind the car of a file is; empty of a single-track car or a simulator."""
+    return next((key for key in (DOUBLE_TRACK, BRUSH) if isinstance(data, dict) and key in data), "")
 
 
 def effects_of(magnitudes: Any, source: str) -> Effects:
@@ -201,12 +206,12 @@ def effects_of(magnitudes: Any, source: str) -> Effects:
 
 
 def kept_single_track(data: Any, source: str | Path) -> tuple[VehicleParameters, Effects] | None:
-    """The single-track car that a double-track car's file holds, too; None without one.
+    """The single-track car that another car's file holds, too; None without one.
 
     Raises:
         InvalidVehicleError: it is none.
     """
-    part = data.get(SINGLE_TRACK) if isinstance(data, dict) and DOUBLE_TRACK in data else None
+    part = data.get(SINGLE_TRACK) if key_of(data) else None
     return None if part is None else single_track_of_data(part, f"{source}: {SINGLE_TRACK}")
 
 
@@ -220,7 +225,7 @@ def write_vehicle(
 
     Args:
         path: of the file; parameters: of a car of any kind, without effects; effects: magnitudes;
-        single_track: to be kept with a double-track car, the one that was calibrated on the same logs.
+        single_track: to be kept with another car, the one that was calibrated on the same logs.
 
     Raises:
         OutputError: the file cannot be written.
@@ -261,7 +266,7 @@ def stated_tolerances(path: str | Path) -> frozenset[str]:
 
 def tolerances_in(data: Any, path: str | Path) -> frozenset[str]:
     """`stated_tolerances` of what the file holds that a car was read from."""
-    part = data.get(DOUBLE_TRACK, data.get("car", data))
+    part = data.get(key_of(data), data.get("car", data))
     if isinstance(part, str):  # a simulator file may name the vehicle file of its car
         return stated_tolerances(Path(path).parent / part)
     return frozenset(str(name) for name in (part.get("tolerance") or {}))

@@ -1,4 +1,4 @@
-"""Drives made row by row, by compiled Runge-Kutta steps: what makes cases by the thousand; the double-track car's."""
+"""Drives made row by row, by compiled Runge-Kutta steps: what makes cases by the thousand; of cars with own states."""
 
 from collections.abc import Callable
 from typing import Any
@@ -6,17 +6,15 @@ from typing import Any
 import numpy as np
 
 from drift_drake.car.compilation import compiled
-from drift_drake.car.double_track.constants import DoubleTrackConstants
-from drift_drake.car.double_track.motion import OwnStates, double_track_motion, own_states, settled_states
 from drift_drake.car.effects.delays import command_delays
 from drift_drake.car.effects.magnitudes import Effects
+from drift_drake.car.equations import CarConstants, kind_of, rates, settle
 from drift_drake.car.integrate import runge_kutta
 from drift_drake.car.scalar import jitable
-from drift_drake.car.single_track.motion import world_rates
+from drift_drake.car.single_track.motion import body_acceleration, world_rates
 from drift_drake.common.arrays import Array
 
 PERIOD = 0.01  # [s] of the rows
-LOG_STATES = ("r", "v", "beta", "omega_r", "psi", "x", "y", *OwnStates._fields)
 SUBSTEPS = 10  # RK4 steps a row; rear wheels ring in their tyres at some 300 rad/s, or settle in them within 1.5 ms
 Motion = tuple[Array, Array, Array, Array]  # states [rows, n], accelerations [rows, 2], commands delta, tau [rows]
 
@@ -82,16 +80,23 @@ def by_rows(
     return states[:rows], accelerations[:rows], delta[:rows], tau[:rows]
 
 
-@compiled
+def row_states(p: CarConstants) -> tuple[str, ...]:
+    """Names of the states of a row: those of the car's equations, then its place in the world."""
+    return ("r", "v", "beta", "omega_r", "psi", *kind_of(p).OWN, "x", "y")
+
+
+def logged(motion: Motion) -> Motion:
+    """The motion with r, v, beta, omega_r, psi, x, y in place of `row_states`."""
+    states, accelerations, delta, tau = motion
+    return np.concatenate([states[:, :5], states[:, -2:]], axis=1), accelerations, delta, tau
+
+
+@jitable
 def _world_frame_rates(z: Any, command: Any, car: Any, out: Any) -> Any:
-    """Writes d(LOG_STATES)/dt; returns (a_x, a_y)."""
-    m, rates = double_track_motion(z[0], z[1], z[2], z[3], z[4], own_states(z, 7, z[0]), command[0], command[1], car[0],
-                                   car[1])  # fmt: skip
-    out[0], out[1], out[2], out[3] = m.r_dot, m.v_dot, m.beta_dot, m.omega_r_dot
-    out[5], out[6], out[4] = world_rates(z[0], z[1], z[2], z[4])
-    for i, rate in enumerate(rates):
-        out[7 + i] = rate
-    return m.a_x, m.a_y
+    """Writes d(row_states)/dt; returns (a_x, a_y)."""
+    rates(z, (command[0], command[1]), (car[0], car[1], (0.0, 0.0, 0.0)), out)
+    out[len(z) - 2], out[len(z) - 1], _ = world_rates(z[0], z[1], z[2], z[4])
+    return body_acceleration(z[0], z[1], z[2], out[1], out[2])
 
 
 @compiled
@@ -100,27 +105,24 @@ def _advance(z: Any, row: Any, delta: Any, tau: Any, p: Any, q: Any) -> Any:
 
 
 @compiled
-def _start(r: Any, v: Any, beta: Any, omega_r: Any, delta: Any, tau: Any, p: Any, q: Any, z: Any) -> Any:
-    z[0], z[1], z[2], z[3] = r, v, beta, omega_r
-    own = settled_states(r, v, beta, omega_r, delta, tau, p, q)
-    for i, value in enumerate(own):
-        z[7 + i] = value
+def _start(delta: Any, tau: Any, p: Any, q: Any, z: Any) -> Any:
+    settle(z, delta, tau, p, q)
     return _world_frame_rates(z, (delta, tau, 0.0), (p, q), np.empty(len(z)))
 
 
-def start(state: Array, command: tuple[float, float], p: DoubleTrackConstants, q: Effects) -> tuple[Array, Array]:
-    """States [20] (`LOG_STATES`) settled in (r, v, beta, omega_r) at the origin, and (a_x, a_y) [m/s^2] there."""
-    z = np.zeros(len(LOG_STATES))
-    r, v, beta, omega_r = (float(value) for value in state)
-    return z, np.array(_start(r, v, beta, omega_r, command[0], command[1], p, q, z))
+def start(state: Array, command: tuple[float, float], p: CarConstants, q: Effects) -> tuple[Array, Array]:
+    """States (`row_states`) settled in (r, v, beta, omega_r) at the origin, and (a_x, a_y) [m/s^2] there."""
+    z = np.zeros(len(row_states(p)))
+    z[:4] = state
+    return z, np.array(_start(*command, p, q, z))
 
 
-def advance(z: Array, row: int, delta: Array, tau: Array, p: DoubleTrackConstants, q: Effects) -> tuple[Array, Array]:
+def advance(z: Array, row: int, delta: Array, tau: Array, p: CarConstants, q: Effects) -> tuple[Array, Array]:
     """States a row later, and (a_x, a_y) [m/s^2] there.
 
     Args:
-        z: states [20] at `row`; delta [rad], tau [N m]: the commands' rows [rows], filled up to row + 1, linear
-            between rows; each is delayed here.
+        z: states (`row_states`) at `row`; delta [rad], tau [N m]: the commands' rows [rows], filled up to row + 1,
+            linear between rows; each is delayed here.
         p: the car; q: magnitudes, the sensors' unused.
     """
     later = z.copy()

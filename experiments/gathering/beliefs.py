@@ -11,12 +11,12 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
-from drift_drake.car.double_track.car_file import double_track_from_dict
+from drift_drake.car.car_file import KINDS
 from drift_drake.car.effects.magnitudes import Effects, make_effects
 from drift_drake.car.log.cases import runs_of
-from drift_drake.car.parameters import VehicleParameters
+from drift_drake.car.parameters import VehicleParameters, read_plain
 from drift_drake.car.path_plant import PathPlant
-from drift_drake.car.vehicle_file import DOUBLE_TRACK
+from drift_drake.car.vehicle_file import key_of
 from drift_drake.common.arrays import Array
 from drift_drake.common.errors import DriftDrakeError
 from drift_drake.common.executors import ExecutorConfig, run_jobs
@@ -233,11 +233,9 @@ def _findings(stored: dict[str, Any], path: Path) -> Findings:
     car, found = None, stored["car"]
     if found:
         numbers = found["vehicle"]
-        vehicle = (
-            double_track_from_dict(numbers[DOUBLE_TRACK], str(path))
-            if DOUBLE_TRACK in numbers
-            else VehicleParameters.from_dict(numbers, str(path))
-        )
+        key = key_of(numbers)
+        kind = KINDS[key][0] if key else VehicleParameters
+        vehicle = read_plain(kind, numbers[key] if key else numbers, str(path))
         car = IdentifiedCar(vehicle, make_effects(found["effects"]))
     error, surprise = stored["error"], stored.get("surprise", math.inf)
     return Findings(car, error, tuple(stored["doubts"]), stored["hint"], stored["as_it_is"], surprise)

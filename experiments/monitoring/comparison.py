@@ -18,9 +18,8 @@ import numpy as np
 import tyro
 
 from diagrams.command import run_command
-from drift_drake.car.double_track.motion import NOT_OF_THIS_CAR
 from drift_drake.car.effects.catalogue import CATALOGUE, LIMITS
-from drift_drake.car.effects.magnitudes import Effects, make_effects
+from drift_drake.car.effects.magnitudes import NOT_ON_FOUR_WHEELS, Effects, make_effects
 from drift_drake.car.log.table import Run
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.common.errors import DriftDrakeError
@@ -111,7 +110,7 @@ def drawn_change(
                    sums_between(trace, SETTLING, onset), SECONDS, ALARM)  # fmt: skip
     candidates: dict[str, list[tuple[float, float]]] = {}
     for node, limit in zip(monitor.problem.nodes, found, strict=True):
-        if node.name not in CATALOGUE or (plant == "double_track" and node.name in NOT_OF_THIS_CAR):
+        if node.name not in CATALOGUE or (plant == "double_track" and node.name in NOT_ON_FOUR_WHEELS):
             continue
         amplitude = 1.0 if node.name in LIMITS else TIMES_LIMIT * limit.detected
         sign = -1.0 if node.signed and rng.uniform() < 0.5 else 1.0

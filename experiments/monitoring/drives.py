@@ -11,7 +11,7 @@ from drift_drake.car.log.table import Run
 from drift_drake.car.parameters import VehicleParameters
 from experiments.benchmarks.compiled_cases import NOISE, drive_rows, sensed
 from experiments.benchmarks.drivers import PERIOD, SLOWEST, SPIN, Driver
-from experiments.benchmarks.rows import advance, by_rows, start
+from experiments.benchmarks.rows import advance, by_rows, logged, start
 from experiments.benchmarks.strange_effects import make_strange
 from experiments.benchmarks.truths import true_constants
 from experiments.other_worlds.drivers import DayDriver
@@ -48,12 +48,12 @@ def changed_double_track_drive(
 
     def advanced(z: np.ndarray, row: int, delta: np.ndarray, tau: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         if row == change:  # actuators that begin to lag do so from the commands
-            z = np.concatenate([z[:7], [delta[row], tau[row]], z[9:]])
+            z = np.concatenate([z[:5], [delta[row], tau[row]], z[7:]])
         return advance(z, row, delta, tau, p, effects if row >= change else nominal)
 
     motion = by_rows(start(driver.start(), resting, p, nominal), resting, duration, driver.command, advanced,
                      lambda _, z: abs(z[2]) > SPIN or z[1] < SLOWEST, with_end=False)  # fmt: skip
-    return sensed_across(*motion, effects, onset, seed)
+    return sensed_across(*logged(motion), effects, onset, seed)
 
 
 def sensed_across(

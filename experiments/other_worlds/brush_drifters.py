@@ -6,16 +6,9 @@ differential locks, how far the wheels yield to forces and roll, how loads follo
 
 import numpy as np
 
-from experiments.other_worlds.brush_car import BrushCar
+from drift_drake.car.brush.parameters import BrushParameters
 
-COUPE = BrushCar(
-    mass=1650.0, yaw_inertia=2350.0, front_axle_distance=1.23, rear_axle_distance=1.24, track=1.55, cg_height=0.5,
-    front_roll_share=0.58, roll_frequency=10.0, roll_damping=0.45, pitch_time=0.08, wheel_radius=0.337,
-    rear_axle_inertia=20.0, gear_ratio=10.6, friction=1.05, sliding_friction=0.9, sliding_speed=6.0,
-    load_sensitivity=0.13, front_stiffness=15.0, rear_stiffness=20.0, relaxation=0.2, rolling_resistance=0.012,
-    aero_drag=0.4, front_compliance=0.01, rear_compliance=0.003, roll_steer=-0.0005, rear_steer=0.0, lock=150.0,
-    lock_share=0.3, lock_least=50.0, vectoring=0.0, steering_limit=0.66, torque_min=-50.0, torque_max=450.0, noise=1.0,
-)  # fmt: skip
+COUPE = BrushParameters(nominal_load=0.25 * 1650.0 * 9.81)
 DRAWN: dict[str, tuple[float, float]] = {
     "cg_height": (0.42, 0.58), "front_roll_share": (0.45, 0.65), "roll_frequency": (8.0, 13.0),
     "roll_damping": (0.3, 0.6), "pitch_time": (0.05, 0.12), "sliding_friction": (0.82, 1.0),
@@ -30,15 +23,15 @@ STRETCHED = 1.5  # of each range about its middle, for cars that models are trai
 LEAST = dict.fromkeys(("lock_share", "lock_least", "load_sensitivity", "front_compliance"), 0.0)
 
 
-def draw_drifter(index: int, seed: int) -> BrushCar:
+def draw_drifter(index: int, seed: int) -> BrushParameters:
     """Car `index` of a draw: the same for the same arguments. Every third has an open differential."""
     generator = np.random.default_rng([seed, 77, index])
     drawn = {name: float(generator.uniform(low, high)) for name, (low, high) in DRAWN.items()}
     locked = {} if index % 3 else {"lock": 0.0, "lock_share": 0.0, "lock_least": 0.0}
-    return COUPE._replace(**(drawn | locked))
+    return COUPE.replace(**(drawn | locked))
 
 
-def draw_wide_drifter(index: int, seed: int) -> BrushCar:
+def draw_wide_drifter(index: int, seed: int) -> BrushParameters:
     """The same, all that is drawn half as far again about its middle, within what a car can have.
 
     Every third has a motor for each rear wheel in place of a differential, every fourth steers at the rear too.
@@ -58,4 +51,4 @@ def draw_wide_drifter(index: int, seed: int) -> BrushCar:
         drawn["lock"] = float(generator.uniform(50.0, 600.0))
     if index % 4 == 1:
         drawn["rear_steer"] = float(generator.uniform(-0.1, 0.1))
-    return car._replace(**drawn)
+    return car.replace(**drawn)

@@ -19,6 +19,7 @@ from scipy.signal import butter, filtfilt
 from tqdm import tqdm
 
 from diagrams.command import run_command
+from drift_drake.car.brush.parameters import BrushParameters
 from drift_drake.car.double_track.parameters import CARS, DoubleTrackParameters
 from drift_drake.car.effects.magnitudes import make_effects
 from drift_drake.car.log.table import Run, write_run
@@ -27,12 +28,11 @@ from drift_drake.common.run_folder import write_json, write_versions
 from experiments.benchmarks.compiled_cases import NOISE
 from experiments.benchmarks.rows import PERIOD
 from experiments.other_worlds import brush_cars, double_track
-from experiments.other_worlds.brush_car import BrushCar
-from experiments.other_worlds.brush_cars import BRUSH_CARS
+from experiments.other_worlds.brush_cars import BRUSH_CARS, NOISE_SHARES
 from experiments.other_worlds.drivers import DAY_ONE, OTHER, DayDriver
 from experiments.other_worlds.strange_faults import STRANGE, strange_day
 
-Car = DoubleTrackParameters | BrushCar
+Car = DoubleTrackParameters | BrushParameters
 ALL_CARS: dict[str, Car] = {**CARS, **BRUSH_CARS}
 
 RANGE: dict[str, tuple[float, float]] = {
@@ -118,8 +118,9 @@ def make_day(
     """Runs of one day; with the same seed, a day differs by its smoothing alone from the one without."""
     car, q = ALL_CARS[config.car], make_effects(effects)
     rng = np.random.default_rng([list(ALL_CARS).index(config.car), config.seed, index])
-    if isinstance(car, BrushCar):
-        runs = brush_cars.day_runs(car, q, kinds, effort, rng, config.duration)
+    if isinstance(car, BrushParameters):
+        noise = NOISE_SHARES.get(config.car, 1.0)
+        runs = brush_cars.day_runs(car, q, kinds, effort, rng, config.duration, noise)
     else:
         runs = [double_track.simulate(car, q, DayDriver(kind, rng, car, effort), rng, f"run_{i}", config.duration)
                 for i, kind in enumerate(kinds)]  # fmt: skip
@@ -135,9 +136,9 @@ def drawn_effects(config: Days) -> list[dict[str, float]]:
         name = list(RANGE)[i % len(RANGE)]
         sign = -1.0 if name in EITHER_SIGN and rng.uniform() < 0.5 else 1.0
         magnitude = sign * float(rng.uniform(*RANGE[name]))
-        if isinstance(car, BrushCar):
-            magnitude = brush_cars.scaled(name, magnitude, brush_cars.single_track(car))
-        days.append({name: float(f"{magnitude:.4g}") if isinstance(car, BrushCar) else round(magnitude, 4)})
+        if isinstance(car, BrushParameters):
+            magnitude = brush_cars.scaled(name, magnitude, car.single_track())
+        days.append({name: float(f"{magnitude:.4g}") if isinstance(car, BrushParameters) else round(magnitude, 4)})
     return days
 
 
@@ -151,8 +152,7 @@ def make_strange_day(config: Days, kinds: tuple[str, ...], index: int, number: i
 
 def single_track(name: str) -> VehicleParameters:
     """The nearest single-track car."""
-    car = ALL_CARS[name]
-    return brush_cars.single_track(car) if isinstance(car, BrushCar) else car.single_track()
+    return ALL_CARS[name].single_track()
 
 
 def first_guess(name: str) -> VehicleParameters:
@@ -188,7 +188,7 @@ def main(config: Days) -> None:
     write_day(out / "day_one", make_day(config, {}, manoeuvres, 0, config.first_effort))
     first_guess(config.car).to_yaml(out / "start.yaml")
     write_json(out / "config.json", config)
-    write_json(out / "truth.json", car._asdict() if isinstance(car, BrushCar) else car)
+    write_json(out / "truth.json", car)
     write_versions(out)
     labels: dict[str, dict[str, Any]] = {}
     kinds, drives = (OTHER, "other") if config.other_drives else (DAY_ONE, "day one's")

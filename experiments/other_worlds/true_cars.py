@@ -5,21 +5,17 @@ Brush cars, CommonRoad's multi-body cars and MuJoCo's are drawn one by one; the 
 
 from typing import Literal, NamedTuple
 
-from drift_drake.car.double_track.motion import NOT_OF_THIS_CAR
+from drift_drake.car.brush.parameters import BrushParameters
 from drift_drake.car.double_track.parameters import CARS, DoubleTrackParameters
 from drift_drake.car.effects.catalogue import OFF_THE_MOTION
-from drift_drake.car.effects.magnitudes import Effects
+from drift_drake.car.effects.magnitudes import NOT_ON_FOUR_WHEELS, Effects
 from drift_drake.car.foreign.stepped_plant import SteppedCar, SteppedPlant
-from drift_drake.car.internal_states import planned_with
 from drift_drake.car.known_car import known_car_model, plant_of_car
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.car.path_plant import CurvedPath, PathPlant
 from drift_drake.car.step_model import StepModel
 from drift_drake.common.errors import InvalidOptionError, MissingExtraError
-from experiments.other_worlds.brush_car import BrushCar
 from experiments.other_worlds.brush_drifters import draw_drifter
-from experiments.other_worlds.brush_plant import BrushPlant
-from experiments.other_worlds.brush_step import BrushStepModel
 from experiments.other_worlds.multi_body import draw_multi_body
 
 OwnCar = Literal["single_track", "double_track", "roadster", "rear_engined", "saloon"]
@@ -49,7 +45,7 @@ class Stepped(NamedTuple):
         return draw_mujoco(self.vehicle, self.seed)
 
 
-TrueCar = OwnCar | BrushCar | Stepped
+TrueCar = OwnCar | BrushParameters | Stepped
 
 
 def true_car(world: World, vehicle: int, seed: int) -> TrueCar:
@@ -64,7 +60,7 @@ def effects_in(world: World, drawn: Effects) -> Effects:
     if world == "multi_body" or world == "mujoco":
         return drawn._replace(**{name: 0.0 for name in Effects._fields if name not in OFF_THE_MOTION})
     # A double-track car has load transfer and more of its own.
-    return drawn if world == "single_track" else drawn._replace(**dict.fromkeys(NOT_OF_THIS_CAR, 0.0))
+    return drawn if world == "single_track" else drawn._replace(**dict.fromkeys(NOT_ON_FOUR_WHEELS, 0.0))
 
 
 def double_track_of(car: OwnCar) -> DoubleTrackParameters | None:
@@ -76,9 +72,7 @@ def true_plant(car: TrueCar, effects: Effects, path: CurvedPath | None) -> PathP
     """The car on a path, or on none; None for `Car`'s own plant, of the simulator's equations."""
     if isinstance(car, Stepped):
         return SteppedPlant(car.made(), path)
-    if isinstance(car, BrushCar):
-        return BrushPlant(car, effects, path)
-    own = double_track_of(car)
+    own = car if isinstance(car, BrushParameters) else double_track_of(car)
     return None if own is None else plant_of_car(own, effects, path)
 
 
@@ -90,6 +84,5 @@ def oracle(car: TrueCar, parameters: VehicleParameters, effects: Effects) -> Ste
     """
     if isinstance(car, Stepped):
         raise InvalidOptionError(f"--models oracle: nobody has the equations of a {car.world} car; leave it out")
-    if isinstance(car, BrushCar):
-        return BrushStepModel(car, planned_with(effects))
-    return known_car_model(double_track_of(car) or parameters, effects)
+    own = car if isinstance(car, BrushParameters) else double_track_of(car)
+    return known_car_model(own or parameters, effects)

@@ -3,35 +3,36 @@
     python -m experiments.simulators.brush small --out runs/small.yaml
     drift-drake simulator check runs/small.yaml
 
-Three cars of `brush_cars.BRUSH_CARS`: a 1:10 car, a lorry, an electric car with a motor at each rear wheel. The package
-has none of their equations, and reaches them as it reaches any simulator.
+Three cars of `brush_cars.BRUSH_CARS`: a 1:10 car, a lorry, an electric car with a motor at each rear wheel, reached as
+any simulator is: by its roll-outs.
 """
 
 import dataclasses
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 import numpy as np
 import tyro
 import yaml
 
 from diagrams.command import run_command
+from drift_drake.car.brush.equations import SIZE, BrushStates, kinematic_slips
+from drift_drake.car.brush.parameters import BrushConstants
 from drift_drake.car.compilation import compiled
 from drift_drake.car.effects.magnitudes import Effects
+from drift_drake.car.equations import rates
 from drift_drake.car.integrate import ramp, runge_kutta
-from drift_drake.car.scalar import jitable
 from drift_drake.common.arrays import Array
 from drift_drake.common.safe_files import write_text
-from experiments.other_worlds.brush_car import LEAST_SPEED, STATES, BrushCar, rates
-from experiments.other_worlds.brush_cars import BRUSH_CARS, single_track
+from experiments.other_worlds.brush_cars import BRUSH_CARS
 
 ROOT = Path(__file__).parents[2]
 FORCES = ("force_x", "force_y", "yaw_moment")
 SUBSTEPS = 4  # RK4 steps in a step of a roll-out
-SAME = ("mass", "yaw_inertia", "front_axle_distance", "rear_axle_distance", "rear_axle_inertia", "friction",
-        "front_stiffness", "rear_stiffness")  # fmt: skip
-MEANING = {name: name for name in SAME} | {"tyre_relaxation": "relaxation"}
+SAME = ("mass", "yaw_inertia", "front_axle_distance", "rear_axle_distance", "rear_axle_inertia", "friction")
+MEANING = {name: name for name in SAME} | {"tyre_relaxation": "relaxation", "front_stiffness": "front_cornering",
+                                           "rear_stiffness": "rear_cornering"}  # fmt: skip
 UNKNOWN = {"cg_height": 0.15, "front_roll_share": {"deviation": 0.06}, "load_sensitivity": 0.4,
            "sliding_friction": {"deviation": 0.06}}  # fmt: skip
 TOLERANCE = {"yaw_inertia": 0.1, "friction": 0.1, "front_stiffness": 0.3, "rear_stiffness": 0.3,
@@ -49,51 +50,36 @@ class BrushFile:
     """Where to write it (YAML)."""
 
 
-@jitable
-def _rates(z: Any, command: Any, car: Any, out: Any) -> None:
-    """`brush_car.rates` with a further force [N] and yaw moment [N m] on the body."""
-    p, q, force_x, force_y, moment = car
-    rates(z, command, (p, q), out)
-    more_x, more_y = force_x / p.mass, force_y / p.mass
-    out[0] += more_x
-    out[1] += more_y
-    out[2] += moment / p.yaw_inertia
-    out[10] += more_x / p.pitch_time
-    out[12] += p.roll_frequency * p.roll_frequency * more_y
-
-
 @compiled
-def _roll_out(z: Array, inputs: Array, dt: float, p: BrushCar, q: Effects, out: Array) -> None:
-    """Writes the states [rows, 15] of one roll-out; inputs [rows, 5]: `steering`, `torque`, `FORCES`."""
+def _roll_out(z: Array, inputs: Array, dt: float, p: BrushConstants, q: Effects, out: Array) -> None:
+    """Writes the states [rows, 13] of one roll-out; inputs [rows, 5]: `steering`, `torque`, `FORCES`."""
     k, work, h = np.empty(len(z)), np.empty((2, len(z))), dt / SUBSTEPS
-    z[13] = (z[1] + p.front_axle_distance * z[2]) / max(z[0], LEAST_SPEED) - inputs[0, 0]
-    z[14] = (z[1] - p.rear_axle_distance * z[2]) / max(z[0], LEAST_SPEED)
     for row in range(len(inputs)):
         out[row] = z
         if row + 1 < len(inputs):
             a, b = inputs[row], inputs[row + 1]
-            car = (p, q, 0.5 * (a[2] + b[2]), 0.5 * (a[3] + b[3]), 0.5 * (a[4] + b[4]))
+            car = (p, q, (0.5 * (a[2] + b[2]), 0.5 * (a[3] + b[3]), 0.5 * (a[4] + b[4])))
             for i in range(SUBSTEPS):
                 begin, middle = ramp(a[:2], b[:2], i / SUBSTEPS), ramp(a[:2], b[:2], (i + 0.5) / SUBSTEPS)
-                end = ramp(a[:2], b[:2], (i + 1.0) / SUBSTEPS)
-                runge_kutta(_rates, z, begin, middle, end, h, car, k, work)
+                runge_kutta(rates, z, begin, middle, ramp(a[:2], b[:2], (i + 1.0) / SUBSTEPS), h, car, k, work)
 
 
 def simulate(
     start: Mapping[str, Array], inputs: Mapping[str, Array], dt: float, parameters: Mapping[str, float]
 ) -> dict[str, Array]:
     """Roll-outs [n, rows] of the brush car from (r, v_x, v_y, omega_r) [n]; see `drift_drake.car.foreign`."""
-    p = BrushCar(**parameters, noise=1.0)
+    p = BrushConstants(**parameters)
     given = np.stack([inputs[name] for name in ("steering", "torque", *FORCES)], axis=-1)
-    out = np.empty((*given.shape[:2], len(STATES)))
+    out = np.empty((*given.shape[:2], SIZE))
     r, v_x, v_y, omega_r = (np.asarray(start[name], dtype=float) for name in ("r", "v_x", "v_y", "omega_r"))
     for i in range(len(out)):
-        z = np.zeros(len(STATES))
-        z[[0, 1, 2, 11]] = v_x[i], v_y[i], r[i], r[i] * v_x[i]
-        z[6], z[7] = omega_r[i] - 0.5 * p.track * r[i], omega_r[i] + 0.5 * p.track * r[i]
+        slips = kinematic_slips(r[i], v_x[i], v_y[i], given[i, 0, 0], 0.0, p)
+        own = BrushStates(p.track * r[i], 0.0, 0.0, 0.0, r[i] * v_x[i], 0.0, *slips)
+        z = np.array([r[i], np.hypot(v_x[i], v_y[i]), np.arctan2(v_y[i], v_x[i]), omega_r[i], 0.0, *own])
         _roll_out(z, np.ascontiguousarray(given[i]), dt, p, Effects(), out[i])
-    return {"r": out[..., 2], "v_x": out[..., 0], "v_y": out[..., 1], "omega_r": 0.5 * (out[..., 6] + out[..., 7]),
-            "psi": out[..., 3]}  # fmt: skip
+    v, beta = out[..., 1], out[..., 2]
+    return {"r": out[..., 0], "v_x": v * np.cos(beta), "v_y": v * np.sin(beta), "omega_r": out[..., 3],
+            "psi": out[..., 4]}  # fmt: skip
 
 
 def main(config: BrushFile) -> None:
@@ -103,12 +89,12 @@ def main(config: BrushFile) -> None:
     simulator = {
         "python": f"{__spec__.name if __spec__ else __name__}:simulate", "folder": str(ROOT), "batch": True,
         "inputs": {name: name for name in ("steering", "torque", *FORCES)}, "outputs": {**same, "psi": "psi"},
-        "start": same, "parameters": {name: q for name, q in car._asdict().items() if name != "noise"},
+        "start": same, "parameters": car.constants()._asdict(),
         "meaning": MEANING, "unknown": UNKNOWN,
     }  # fmt: skip
     wheelbase = car.front_axle_distance + car.rear_axle_distance
     tolerance = TOLERANCE | {"front_axle_distance": CG_TOLERANCE * wheelbase}
-    data = {"simulator": simulator, "car": {**single_track(car).to_dict(), "tolerance": tolerance}}
+    data = {"simulator": simulator, "car": {**car.single_track().to_dict(), "tolerance": tolerance}}
     write_text(config.out, yaml.safe_dump(data, sort_keys=False))
     print(f"written to {config.out}")
 

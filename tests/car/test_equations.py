@@ -5,6 +5,7 @@ import pytest
 
 from drift_drake.car import equations
 from drift_drake.car.actuated import without_actuators
+from drift_drake.car.brush.parameters import BrushParameters
 from drift_drake.car.compilation import compiled
 from drift_drake.car.double_track.parameters import CARS
 from drift_drake.car.effects.catalogue import CATALOGUE, OWN
@@ -18,7 +19,8 @@ from drift_drake.common.arrays import Array
 EFFECTS = Effects(mass_error=0.1, cg_shift=0.05, aero_drag=0.8, road_grade=0.03, tyre_relaxation=0.4)
 STATE, COMMAND, WRENCH = (0.4, 11.0, -0.2, 11.8), (0.12, 180.0), np.array([300.0, -200.0, 150.0])
 HEADING = 0.7
-KINDS = [(VehicleParameters(), VehiclePlant, 2), (CARS["coupe"], EquationsPlant, 0)]
+KINDS = [(VehicleParameters(), VehiclePlant, 2), (CARS["coupe"], EquationsPlant, 0),
+         (BrushParameters(), EquationsPlant, 0)]  # fmt: skip
 
 
 @compiled

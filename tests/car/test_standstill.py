@@ -8,6 +8,7 @@ from pydrake.systems.primitives import LogVectorOutput, TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial
 from scipy.integrate import solve_ivp
 
+from drift_drake.car.brush.parameters import BrushParameters
 from drift_drake.car.double_track.parameters import DoubleTrackParameters
 from drift_drake.car.effects.magnitudes import Effects
 from drift_drake.car.equations_plant import EquationsPlant
@@ -18,7 +19,7 @@ from drift_drake.car.single_track.plant import VehiclePlant
 STEERING = 0.1
 TIMES = [0.0, 2.0, 4.5, 9.0]  # [s]
 TORQUES = [60.0, 60.0, -60.0, -60.0]  # [N m]: starts, comes to a stop, backs up
-ONE, TWO = VehicleParameters(), DoubleTrackParameters()
+ONE, TWO, BRUSH = VehicleParameters(), DoubleTrackParameters(), BrushParameters()
 
 
 def there_and_back(plant):
@@ -37,7 +38,8 @@ def there_and_back(plant):
 
 
 @pytest.mark.parametrize("plant", [VehiclePlant(ONE), VehiclePlant(ONE, Effects(tyre_relaxation=0.3)),
-                                   EquationsPlant(TWO)], ids=["nominal", "relaxing", "double track"])  # fmt: skip
+                                   EquationsPlant(TWO), EquationsPlant(BRUSH.replace(relaxation=0.1))],
+                         ids=["nominal", "relaxing", "double track", "brush"])  # fmt: skip
 def test_a_car_starts_stops_and_backs_up_on_one_circle(plant):
     states = there_and_back(plant)
     r, v, beta, omega_r = states[:4]

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from drift_drake.car.effects.magnitudes import Effects, make_effects
-from experiments.other_worlds.brush_car import advance, brush_force, differential
+from experiments.benchmarks.rows import advance, row_states
 from experiments.other_worlds.brush_cars import (
     BRUSH_CARS,
     VARIES_BY_DAY,
@@ -15,56 +15,39 @@ from experiments.other_worlds.brush_cars import (
     of_the_day,
     scaled,
     simulate,
-    single_track,
 )
 from experiments.other_worlds.days import Days, drawn_effects, first_guess, make_day
 from experiments.other_worlds.drivers import DAY_ONE, OTHER
 
 SMALL, TRUCK = BRUSH_CARS["small"], BRUSH_CARS["truck"]
+NAMES = row_states(SMALL.constants())
 
 
 def rolled(car, effects, steering, thrust, seconds, speed):
-    """States [rows, 15] under constant commands; `thrust` is the acceleration asked for [m/s^2]."""
+    """States [rows, 15] (`NAMES`) under constant commands; `thrust` is the acceleration asked for [m/s^2]."""
     rows = round(seconds / 0.01)
     delta = np.full(rows + 1, steering)
     tau = np.full(rows + 1, thrust * car.mass * car.wheel_radius / car.gear_ratio)
-    z = np.zeros((rows + 1, 15))
-    z[0, [0, 6, 7]] = speed
+    z = np.zeros((rows + 1, len(NAMES)))
+    z[0, [1, 3]] = speed
     for row in range(rows):
-        z[row + 1], _ = advance(z[row], row, delta, tau, car, effects)
+        z[row + 1], _ = advance(z[row], row, delta, tau, car.constants(), effects)
     return z
-
-
-def test_a_tyre_grips_in_proportion_to_small_slips_and_slides_with_less_friction():
-    car = SMALL._replace(load_sensitivity=0.0)
-    load, stiffness, friction = 4.0, 10.0, 0.85
-    _, side = brush_force(0.0, 1e-4, load, stiffness, friction, 3.0, car)
-    assert side == pytest.approx(-stiffness * load * 1e-4, rel=1e-3)
-    sliding, none = brush_force(-2.0, 0.0, load, stiffness, friction, 3.0, car)
-    left = car.sliding_friction + (1.0 - car.sliding_friction) * np.exp(-6.0 / car.sliding_speed)
-    assert sliding == pytest.approx(friction * load * left)
-    assert none == 0.0
-
-
-def test_a_differential_locks_no_more_than_it_can():
-    assert differential(0.0, 100.0, SMALL) == SMALL.lock_least
-    assert differential(1.0, -100.0, SMALL) == -(SMALL.lock_least + SMALL.lock_share)
-    assert differential(1.0, 0.1, SMALL) == pytest.approx(0.1 * SMALL.lock)
 
 
 @pytest.mark.parametrize("name", BRUSH_CARS)
 def test_a_car_takes_a_gentle_turn_as_its_single_track_says_and_keeps_its_balance_of_forces(name):
-    car = BRUSH_CARS[name]._replace(front_compliance=0.0, rear_compliance=0.0, roll_steer=0.0, rear_steer=0.0, lock=0.0,
+    car = BRUSH_CARS[name].replace(front_compliance=0.0, rear_compliance=0.0, roll_steer=0.0, rear_steer=0.0, lock=0.0,
                                     lock_least=0.0, lock_share=0.0, vectoring=0.0)  # fmt: skip
-    p, speed = single_track(car), 6.0 * np.sqrt((car.front_axle_distance + car.rear_axle_distance) / 2.5)
+    p, speed = car.single_track(), 6.0 * np.sqrt((car.front_axle_distance + car.rear_axle_distance) / 2.5)
     z = rolled(car, Effects(), 0.01, 0.1, 3.0, speed)
-    u, _, r = z[-1, :3]
+    r, u = z[-1, :2]
     length = p.front_axle_distance + p.rear_axle_distance
     weight = p.mass * p.gravity / length
     understeer = weight / p.gravity * (p.rear_axle_distance / p.front_stiffness
                                        - p.front_axle_distance / p.rear_stiffness)  # fmt: skip
     assert r == pytest.approx(u * 0.01 / (length + understeer * u * u), rel=0.02)
-    assert z[-1, 11] == pytest.approx(u * r, rel=0.02)
+    assert z[-1, NAMES.index("a_y")] == pytest.approx(u * r, rel=0.02)
 
 
 @pytest.mark.parametrize("name", BRUSH_CARS)
@@ -80,16 +63,16 @@ def test_effects_act_as_the_catalogue_says():
     offset = rolled(TRUCK, make_effects({"steering_offset": 0.01}), 0.01, 0.3, 2.0, 12.0)
     np.testing.assert_allclose(offset, plain, atol=1e-12)
     heavier = rolled(TRUCK, make_effects({"mass_error": 0.2}), 0.02, 0.3, 2.0, 12.0)
-    assert heavier[-1, 0] < plain[-1, 0]
+    assert heavier[-1, 1] < plain[-1, 1]
     lagging = rolled(TRUCK, make_effects({"steering_lag": 0.2}), 0.02, 0.3, 0.2, 12.0)
-    assert lagging[-1, 8] == pytest.approx(0.02 * (1.0 - np.exp(-1.0)), rel=1e-3)
+    assert lagging[-1, NAMES.index("steering")] == pytest.approx(0.02 * (1.0 - np.exp(-1.0)), rel=1e-3)
 
 
 def test_magnitudes_are_of_the_cars_size():
-    assert scaled("friction_level", -0.2, single_track(SMALL)) == pytest.approx(-0.2)
+    assert scaled("friction_level", -0.2, SMALL.single_track()) == pytest.approx(-0.2)
     length = (SMALL.front_axle_distance + SMALL.rear_axle_distance) / 2.4
-    assert scaled("cg_shift", 0.1, single_track(SMALL)) == pytest.approx(0.1 * length, rel=0.1)
-    assert scaled("aero_drag", 1.0, single_track(TRUCK)) > 1.0
+    assert scaled("cg_shift", 0.1, SMALL.single_track()) == pytest.approx(0.1 * length, rel=0.1)
+    assert scaled("aero_drag", 1.0, TRUCK.single_track()) > 1.0
 
 
 def test_a_car_is_not_quite_the_same_on_any_day():
@@ -104,7 +87,7 @@ def test_a_car_is_not_quite_the_same_on_any_day():
 def test_noise_is_half_coloured_and_of_the_stated_size():
     rng = np.random.default_rng(0)
     run = simulate(SMALL, Effects(), "slalom", 1.0, rng, "run_0", 12.0)
-    error = noisy(run, SMALL, rng).r - run.r
+    error = noisy(run, rng).r - run.r
     assert np.std(error) == pytest.approx(0.002, rel=0.15)
     assert np.corrcoef(error[1:], error[:-1])[0, 1] == pytest.approx(0.48, abs=0.1)
 
@@ -120,5 +103,5 @@ def test_days_of_such_a_car(tmp_path):
     assert np.std(np.diff(smooth[0].r, 3)) < 0.5 * np.std(np.diff(runs[0].r, 3))
     guess = first_guess("truck")
     assert guess.mass == TRUCK.mass
-    assert guess.front_stiffness != pytest.approx(single_track(TRUCK).front_stiffness, rel=0.05)
+    assert guess.front_stiffness != pytest.approx(TRUCK.single_track().front_stiffness, rel=0.05)
     assert len(day_runs(SMALL, Effects(), ("circle",), 1.0, np.random.default_rng(0), 1.0)) == 1

@@ -7,7 +7,7 @@ import pytest
 
 from drift_drake.car.car_file import read_simulator_car
 from drift_drake.car.effects.magnitudes import Effects
-from experiments.other_worlds.brush_car import STATES, advance
+from experiments.benchmarks.rows import advance, row_states
 from experiments.other_worlds.brush_cars import BRUSH_CARS
 from experiments.simulators.brush import FORCES, BrushFile, main, simulate
 
@@ -21,22 +21,22 @@ def rolled(name: str, torque: float, steering: float, **forces: float) -> dict[s
     inputs = {key: np.full((1, ROWS), forces.get(key, 0.0)) for key in FORCES}
     inputs |= {"steering": np.full((1, ROWS), steering), "torque": np.full((1, ROWS), torque)}
     start = {"r": np.zeros(1), "v_x": np.full(1, speed), "v_y": np.zeros(1), "omega_r": np.full(1, speed)}
-    numbers = {key: q for key, q in car._asdict().items() if key != "noise"}
-    return {key: values[0] for key, values in simulate(start, inputs, 0.01, numbers).items()}
+    return {key: values[0] for key, values in simulate(start, inputs, 0.01, car.constants()._asdict()).items()}
 
 
 @pytest.mark.parametrize("name", BRUSH_CARS)
 def test_a_roll_out_is_the_motion_of_the_cars_own_rows(name: str) -> None:
     car, torque, steering = BRUSH_CARS[name], 0.3 * BRUSH_CARS[name].torque_max, TURN[name]
     found = rolled(name, torque, steering)
-    z = np.zeros(len(STATES))
-    z[[0, 6, 7]], z[13] = found["v_x"][0], -steering  # straight on, the front wheels' slip as they are turned
+    names = row_states(car.constants())
+    z = np.zeros(len(names))
+    z[[1, 3]], z[names.index("front_slip")] = found["v_x"][0], -steering  # straight on, its wheels turned
     delta, tau = np.full(ROWS, steering), np.full(ROWS, torque)
     for row in range(ROWS - 1):
-        z, _ = advance(z, row, delta, tau, car, Effects())
-    last = np.array([found[key][-1] for key in ("v_x", "v_y", "r", "psi")])
-    np.testing.assert_allclose(last, z[:4], rtol=1e-4, atol=1e-6)
-    assert found["omega_r"][-1] == pytest.approx(0.5 * (z[6] + z[7]), rel=1e-4)
+        z, _ = advance(z, row, delta, tau, car.constants(), Effects())
+    last = np.array([found[key][-1] for key in ("v_x", "v_y", "r", "psi", "omega_r")])
+    expected = [z[1] * np.cos(z[2]), z[1] * np.sin(z[2]), z[0], z[4], z[3]]
+    np.testing.assert_allclose(last, expected, rtol=1e-4, atol=1e-6)
 
 
 def test_forces_and_a_moment_act_on_the_body() -> None:

@@ -31,7 +31,6 @@ from experiments.drifting.runs import Learnt, ModelsConfig
 from experiments.gathering import beliefs
 from experiments.gathering.recipe import as_in_paper
 from experiments.other_worlds import true_cars
-from experiments.other_worlds.brush_step import BrushStepModel
 from experiments.settings import OtherExperimentError
 
 pytestmark = pytest.mark.usefixtures("undrawn")
@@ -158,7 +157,7 @@ def test_a_brush_car_is_another_for_each_vehicle_and_known_to_its_oracle(tmp_pat
         drift_runs.DriveJob("", {}, "figure_8", brush.effects(1), 0, "oracle", FAST, brush.car(1))
     )
     assert isinstance(loop.controller, MpcController)
-    assert isinstance(loop.controller.mpc.model, BrushStepModel)
+    assert isinstance(loop.controller.mpc.model, EquationsStepModel)
     assert loop.controller.mpc.model.car == brush.car(1)
 
 

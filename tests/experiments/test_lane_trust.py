@@ -6,13 +6,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from drift_drake.car.brush.parameters import BrushParameters
 from drift_drake.drive.learnt.checkpoint import load_model
 from drift_drake.gap.choose.choice import Findings, usual_error, usual_surprise
 from experiments.benchmarks.vehicles import EXTREME
 from experiments.gathering import lane_trust
 from experiments.gathering.beliefs import Taught
 from experiments.gathering.lane_trust import GROUPS, LaneTrust, main
-from experiments.other_worlds.brush_car import BrushCar
 
 
 def test_groups_are_judged_by_what_is_usual_of_validation_vehicles(
@@ -40,7 +40,7 @@ def test_groups_are_judged_by_what_is_usual_of_validation_vehicles(
     assert (counts["wide"], counts["extreme"]) == (12, len(EXTREME))
     cars = {name: car for name, _, car, _ in asked}
     assert cars["double-track"] == "double_track"
-    assert isinstance(cars["brush"], BrushCar)
+    assert isinstance(cars["brush"], BrushParameters)
     said = capsys.readouterr().out
     rows = {line.split("|")[1].strip(): [cell.strip() for cell in line.split("|")[2:-1]] for line in said.splitlines()
             if line.startswith("| ")}  # fmt: skip

@@ -9,7 +9,7 @@ from pydrake.trajectories import PiecewisePolynomial
 from drift_drake.car.double_track.parameters import CARS
 from drift_drake.car.effects.magnitudes import Effects
 from drift_drake.car.equations_plant import EquationsPlant
-from experiments.benchmarks.rows import LOG_STATES, PERIOD, advance, start
+from experiments.benchmarks.rows import PERIOD, advance, row_states, start
 
 CAR = CARS["roadster"]
 ROWS = 81
@@ -42,7 +42,7 @@ def test_agrees_with_the_plant_in_drake():
     ResetIntegratorFromFlags(simulator, "runge_kutta3", 0.01).set_target_accuracy(1e-7)
     simulator.AdvanceTo(TIMES[-1])
     view = plant.state_view(plant.GetOutputPort("full_state").Eval(own))
-    expected = [getattr(view, name) for name in LOG_STATES]
+    expected = [getattr(view, name) for name in row_states(CAR.constants())]
     np.testing.assert_allclose(z, expected, rtol=1e-4, atol=1e-5)
     np.testing.assert_allclose(acceleration, plant.GetOutputPort("acceleration").Eval(own), rtol=1e-4, atol=1e-4)
 

@@ -9,42 +9,21 @@ from drift_drake.car.double_track.constants import changed_constants, flattened,
 from drift_drake.car.double_track.deviations import DEVIATIONS, deviated, value_of
 from drift_drake.car.double_track.motion import (
     MIN_RELAXATION_SPEED,
-    NOT_OF_THIS_CAR,
     OwnStates,
-    check_supported,
     double_track_motion,
     own_states,
     settled_states,
 )
 from drift_drake.car.effects.catalogue import CATALOGUE, PARAMETRIC
-from drift_drake.car.effects.magnitudes import COUNT, Effects
+from drift_drake.car.effects.magnitudes import COUNT, NOT_ON_FOUR_WHEELS, Effects
 from drift_drake.car.lanes import load_lanes, load_lanes_tuple
 from drift_drake.car.on_path import plant_rates_of
 from drift_drake.car.scalar import absolute, fixed_tuple, jitable, loaded_tuple, maximum, minimum, sqrt, stored
 from drift_drake.common.arrays import Array
 
-__all__ = [
-    "DEVIATIONS",
-    "FOLDED",
-    "LABEL",
-    "LACKS",
-    "OWN",
-    "OWN_SCALE",
-    "SIZE",
-    "STEPPED",
-    "cars_in_lanes",
-    "changed_constants",
-    "check_supported",
-    "decays",
-    "deviated",
-    "fastest",
-    "flattened",
-    "plant_rates",
-    "rates",
-    "settle",
-    "unflattened",
-    "value_of",
-]  # fmt: skip
+__all__ = ["DEVIATIONS", "FOLDED", "LABEL", "LACKS", "OWN", "OWN_SCALE", "SIZE", "STEPPED", "cars_in_lanes",
+           "changed_constants", "decays", "deviated", "fastest", "flattened", "plant_rates", "rates", "settle",
+           "unflattened", "value_of"]  # fmt: skip
 
 LABEL = "double-track car"
 OWN = OwnStates._fields
@@ -54,7 +33,7 @@ OWN_SCALE = OwnStates(
 )  # fmt: skip
 SIZE = 5 + len(OWN)
 STEPPED = True  # rims ring in their tyres: along a measured motion internal states need a prediction's steps
-LACKS = NOT_OF_THIS_CAR  # effects that mean nothing on this car
+LACKS = NOT_ON_FOUR_WHEELS
 FOLDED = tuple(name for name, effect in CATALOGUE.items() if name in PARAMETRIC or effect.double_track == "parameter")
 """Effects that `changed_constants` puts into its numbers."""
 

@@ -12,36 +12,15 @@ from typing import Any, NamedTuple
 
 from drift_drake.car.double_track.constants import DoubleTrackConstants, changed_constants
 from drift_drake.car.double_track.tyres import tire_force
-from drift_drake.car.effects.catalogue import CATALOGUE
-from drift_drake.car.effects.magnitudes import (
-    INSTALLED_STATES,
-    NO_INTERNAL_STATES,
-    Effects,
-    actuation_of,
-    with_double_track_forces,
-)
-from drift_drake.car.parameters import InvalidVehicleError
+from drift_drake.car.effects.magnitudes import NO_INTERNAL_STATES, Effects, actuation_of, with_double_track_forces
 from drift_drake.car.scalar import absolute, clip, cos, forwards, jitable, loaded_tuple, maximum, select, sin, tanh
 from drift_drake.car.single_track.motion import MIN_SLIP_SPEED, Motion, planar_motion, wheel_acceleration
 from drift_drake.car.single_track.motion_with_effects import axle_torque, road_wheel, steering_rate
 
 LEAST_LOAD_SHARE = 0.02  # of an axle's load that its unloaded wheel keeps, and of the weight that an axle keeps
-NOT_OF_THIS_CAR = (*(n for n, e in CATALOGUE.items() if e.double_track == "nothing"), *INSTALLED_STATES)
-"""Effects that complete a single-track car and mean nothing here: this car has load transfer, sliding and a
-differential of its own; and those of other packages that have a state, which is none of this car's."""
 MIN_RELAXATION_SPEED = 1.0  # [m/s] floor of the speed at which a tyre rolls through its relaxation length
 LOCKING_SPEED = 2.0  # [m/s] difference of the rear rims over which a limited-slip differential's plates come to slide
 ITERATIONS = 12  # of loads, roll and compliance; each takes off about nine tenths of the error
-
-
-def check_supported(effects: Effects, source: str = "vehicle") -> None:
-    """Raises an InvalidVehicleError that names `source` and the effects that this car cannot have."""
-    alien = [name for name in NOT_OF_THIS_CAR if getattr(effects, name) != 0.0]
-    if alien:
-        raise InvalidVehicleError(
-            f"{source}: {', '.join(alien)} cannot be put on a double-track car, which has load transfer, tyres that "
-            "slide and a differential of its own; leave it out, or change the car's parameters"
-        )
 
 
 @jitable
@@ -259,7 +238,7 @@ def double_track_motion(r: Any, v: Any, beta: Any, omega_r: Any, psi: Any, own: 
     Args:
         r, v, beta, omega_r: as in `bicycle`; psi: heading [rad] (only a road's grade depends on it).
         own: the car's own states; delta, tau: commands, after any transport delay [rad], [N m].
-        nominal: the car without effects; q: magnitudes, those of `NOT_OF_THIS_CAR` unused.
+        nominal: the car without effects; q: magnitudes, those of `NOT_ON_FOUR_WHEELS` unused.
         force_x, force_y, moment: optional further force [N] and moment [N m] on the body.
     """
     p = changed_constants(nominal, q)

@@ -59,6 +59,9 @@ if not TYPE_CHECKING and INSTALLED_STATES:
 COUNT = len(Effects._fields)
 INTERNAL_COUNT = len(InternalStates._fields)
 NO_INTERNAL_STATES = InternalStates()
+NOT_ON_FOUR_WHEELS = (*(n for n, e in CATALOGUE.items() if e.double_track == "nothing"), *INSTALLED_STATES)
+"""Effects that complete a single-track car and mean nothing on one with four wheels: this has load transfer, sliding
+and a differential of its own; and those of other packages that have a state, which is none of such a car's."""
 
 
 physics = joined_physics(Effects._fields, InternalStates._fields)

@@ -108,6 +108,8 @@ class Simulator:
 
     # What `car.equations.kind_of` gives of any car:
 
+    LABEL = "simulator of yours"
+
     @property
     def LACKS(self) -> tuple[str, ...]:  # noqa: N802
         return tuple(self.lacking)

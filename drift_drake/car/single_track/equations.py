@@ -25,6 +25,7 @@ REMEMBERING = ("tyre_relaxation", "tyre_thermal_fade", "longitudinal_load_transf
 """Effects without which no internal state acts on the motion."""
 NUMBERS = len(Constants._fields) - 1  # of a car in `lanes`; the last of its constants, its tyre, is one for all
 SHORTEST = 1e-9  # [m] that a tyre may relax over
+LABEL = "single-track car"
 LACKS: tuple[str, ...] = ()  # effects that mean nothing on this car
 DEVIATIONS: dict[str, Deviation] = {}  # of what a vehicle file says nothing of
 FOLDED = tuple(name for name in CATALOGUE if name in PARAMETRIC)  # that `changed_constants` puts into its numbers

@@ -25,7 +25,7 @@ from scipy.special import stdtrit
 from drift_drake.car.car_file import PlantParameters, plant_of
 from drift_drake.car.effects.magnitudes import Effects
 from drift_drake.car.effects.record import wheelbase
-from drift_drake.car.given_vehicle import Vehicle, vehicle_given
+from drift_drake.car.given_vehicle import Vehicle, label_of, vehicle_given
 from drift_drake.car.log.cases import Logs, logs_given
 from drift_drake.car.log.table import COLUMNS, Run
 from drift_drake.car.parameters import VehicleParameters
@@ -35,7 +35,7 @@ from drift_drake.drive.learnt.hybrid_step import hybrid_samples, load_hybrid
 from drift_drake.drive.learnt.quality import squared_distances
 from drift_drake.drive.learnt.samples import Samples, concatenate
 from drift_drake.drive.manoeuvres.steering_check import USUAL_STEERING, Steering
-from drift_drake.gap.choose.identified import BIASES, ONE_MORE, IdentifiedCar, identified, identified_double_track
+from drift_drake.gap.choose.identified import BIASES, ONE_MORE, IdentifiedCar, identified, identified_with_own_states
 from drift_drake.gap.choose.usable_drives import LIVELY, asked_parts, check_drives, liveliness
 from drift_drake.gap.estimation.windows import WindowedRun, forecast_error, windowed
 from drift_drake.gap.logs.screening.suspicions import suspicions
@@ -121,8 +121,8 @@ def ask(
     """Asks the drives of a car what they identify, and how well that predicts them.
 
     Where the identified car predicts worse than is usual, it is identified again with each of `ONE_MORE`. The one
-    that predicts best is taken if it is as good as usual. Where none is, a double-track car is identified, then one
-    whose sensors are off, and taken if that is as good as usual.
+    that predicts best is taken if it is as good as usual. Where none is, a car of four wheels is identified (of the
+    first guess's kind, or double-track), then one whose sensors are off, and taken if that is as good as usual.
 
     Args:
         runs: with torque, sideslip and rim speed; of long ones pieces are asked (`asked_parts`);
@@ -179,7 +179,7 @@ def _another_car(
     runs: Sequence[Run], first_guess: PlantParameters, limit: float, judged: Sequence[WindowedRun], tell: Progress,
     start: Effects,
 ) -> IdentifiedCar | None:  # fmt: skip
-    """The car that predicts best with an additional fault or, where that is beyond the limit, as a double-track one."""
+    """The car that predicts best with an additional fault or, where that is beyond the limit, on four wheels."""
     cars, stages = list[IdentifiedCar | None](), 3 + len(ONE_MORE)
     for number, name in enumerate(ONE_MORE, 1):
         tell(f"with {name}", number / stages)
@@ -187,11 +187,12 @@ def _another_car(
     best = min(cars, key=lambda car: car_error(car, judged))
     if car_error(best, judged) <= limit:
         return best
-    tell("double-track car", 1.0 - 2.0 / stages)
-    double, near = identified_double_track(judged, first_guess) or (None, None)
+    label = "double-track car" if isinstance(first_guess, VehicleParameters) else label_of(first_guess)
+    tell(label, 1.0 - 2.0 / stages)
+    double, near = identified_with_own_states(judged, first_guess) or (None, None)
     if car_error(double, judged) > limit:
-        tell("double-track car with sensor errors", 1.0 - 1.0 / stages)
-        off, _ = identified_double_track(judged, first_guess, BIASES, near) or (None, None)
+        tell(f"{label} with sensor errors", 1.0 - 1.0 / stages)
+        off, _ = identified_with_own_states(judged, first_guess, BIASES, near) or (None, None)
         # Two unknowns more are nearer, whatever is wrong with the logs; sensors that are off are far nearer.
         if car_error(off, judged) < NEARER * car_error(double, judged):
             double = off

@@ -14,13 +14,12 @@ import numpy as np
 
 from drift_drake.car.car_file import PlantParameters
 from drift_drake.car.double_track.nearest import nearest_double_track
-from drift_drake.car.double_track.parameters import DoubleTrackParameters
 from drift_drake.car.effects.catalogue import CATALOGUE, fitted
 from drift_drake.car.effects.delays import LATE
 from drift_drake.car.effects.magnitudes import Effects
 from drift_drake.car.equations import folded_into
 from drift_drake.car.equations_step import EquationsStepModel
-from drift_drake.car.given_vehicle import single_track_of
+from drift_drake.car.given_vehicle import label_of, single_track_of
 from drift_drake.car.internal_states import BEYOND, LAGGED
 from drift_drake.car.known_car import known_car_model
 from drift_drake.car.log.table import InvalidLogError, Run
@@ -59,7 +58,7 @@ class IdentifiedCar(NamedTuple):
     @property
     def name(self) -> str:
         """What it is called in a sentence, with what it has in addition to the usual effects."""
-        kind = "double-track car" if isinstance(self.vehicle, DoubleTrackParameters) else "car"
+        kind = "car" if isinstance(self.vehicle, VehicleParameters) else label_of(self.vehicle)
         return f"the identified {kind}" + (f" with {', '.join(self.one_more)}" if self.one_more else "")
 
     @property
@@ -113,13 +112,14 @@ def identified(
     return IdentifiedCar(single_track_of(found.vehicle), found.effects)
 
 
-def identified_double_track(
+def identified_with_own_states(
     judged: Sequence[WindowedRun],
     first_guess: PlantParameters,
     more: Sequence[str] = (),
     near: Mapping[str, float] | None = None,
 ) -> tuple[IdentifiedCar, dict[str, float]] | None:
-    """The double-track car that predicts the drives best; None where they are too short or identify none.
+    """The car of four wheels that predicts the drives best, of the first guess's kind, or double-track where that is
+    single-track; None where they are too short or identify none.
 
     What a vehicle file says nothing of (height of the centre of gravity, springs, the tyres' shape, ...) is unknown
     besides its own parameters. Its priors are the scatter from car to car about a first guess
@@ -141,7 +141,7 @@ def identified_double_track(
 
     try:
         with np.errstate(all="ignore"):
-            guess = first_guess if isinstance(first_guess, DoubleTrackParameters) else nearest_double_track(first_guess)
+            guess = nearest_double_track(first_guess) if isinstance(first_guess, VehicleParameters) else first_guess
             constants, vehicle = guess.constants(), guess.single_track()
             unknowns = [unknown(name, vehicle, frozenset()) for name in (*OF_DOUBLE_TRACK, *more)]
             unknowns += deviations_of(constants)

@@ -17,7 +17,7 @@ from drift_drake.car.effects.catalogue import CATALOGUE, fitted
 from drift_drake.car.equations import kind_of
 from drift_drake.car.foreign.led_in import led_in
 from drift_drake.car.foreign.simulator_car import SimulatorCar
-from drift_drake.car.given_vehicle import Vehicle, vehicle_given
+from drift_drake.car.given_vehicle import Vehicle, label_of, vehicle_given
 from drift_drake.car.log.cases import GivenLogs, Logs, logs_given
 from drift_drake.car.log.table import InvalidLogError, Run, read_case, stated_noise
 from drift_drake.car.parameters import CarParameters, InvalidVehicleError, VehicleParameters
@@ -139,8 +139,8 @@ def for_validation(runs: Sequence[Run], first: CarParameters) -> tuple[Run, ...]
 
 
 def first_of_kind(first: CarParameters, kind: CarKind) -> CarParameters:
-    """The first guess; of a double-track car the nearest single-track one, where that is asked for."""
-    return first.single_track() if kind == "single-track" and isinstance(first, DoubleTrackParameters) else first
+    """The first guess; of another car than a simulator the nearest single-track one, where that is asked for."""
+    return first.single_track() if kind == "single-track" and not isinstance(first, SimulatorCar) else first
 
 
 def calibrated(runs: Sequence[Run], asked: Asked, tell: Progress) -> Identification:
@@ -148,13 +148,14 @@ def calibrated(runs: Sequence[Run], asked: Asked, tell: Progress) -> Identificat
     lacks_beta = any(run.beta is None for run in (*runs, *asked.judged))
     criterion, warnings = asked.criterion, list[str]()
     double = asked.kind == "double-track" or not isinstance(asked.first, VehicleParameters)
-    simulated = isinstance(asked.first, SimulatorCar)
-    if simulated and asked.kind == "double-track":
-        raise InvalidLogError(f"{asked.case}: the car is a simulator of yours; leave out --car")
+    another = not isinstance(asked.first, VehicleParameters | DoubleTrackParameters)
+    label = label_of(asked.first) if another else "double-track car"
+    if another and asked.kind == "double-track":
+        raise InvalidLogError(f"{asked.case}: the car is a {label}; leave out --car")
     if double and criterion == "likelihood":
         raise InvalidLogError(
-            f"{asked.case}: a {'simulator of yours' if simulated else 'double-track car'} is calibrated by prediction; "
-            f"choose --criterion prediction{'' if simulated else ', or --car single-track'}"
+            f"{asked.case}: a {label} is calibrated by prediction; choose --criterion prediction"
+            f"{'' if isinstance(asked.first, SimulatorCar) else ', or --car single-track'}"
         )
     criterion = "prediction" if double else criterion
     if criterion == "prediction" and lacks_beta:

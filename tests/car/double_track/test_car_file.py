@@ -32,7 +32,7 @@ def test_a_single_track_car_is_kept_with_it(tmp_path: Path) -> None:
     assert read_car(path) == (CARS["coupe"], EFFECTS)
     given = vehicle_given(path)
     assert on_one_track(given)[:2] == kept
-    assert "double-track one: this uses the single-track car" in on_one_track(given).remark
+    assert "double-track car: this uses the single-track car" in on_one_track(given).remark
     assert on_one_track(GivenVehicle(*kept)).remark == ""
     write_vehicle(path, CARS["coupe"], EFFECTS)
     with pytest.raises(InvalidVehicleError, match=r"car\.yaml: holds a double-track car, and no .*--car auto'"):

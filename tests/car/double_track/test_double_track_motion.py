@@ -8,7 +8,6 @@ from scipy.optimize import brentq
 
 from drift_drake.car.double_track.constants import changed_constants
 from drift_drake.car.double_track.motion import (
-    NOT_OF_THIS_CAR,
     OwnStates,
     WheelForces,
     double_track_motion,
@@ -23,16 +22,16 @@ from drift_drake.car.double_track.motion import (
 )
 from drift_drake.car.double_track.parameters import CARS, DoubleTrackParameters
 from drift_drake.car.effects.catalogue import CATALOGUE, OFF_THE_MOTION
-from drift_drake.car.effects.magnitudes import Effects
+from drift_drake.car.effects.magnitudes import NOT_ON_FOUR_WHEELS, Effects
 from drift_drake.car.single_track.motion import motion
-from experiments.benchmarks.rows import LOG_STATES, PERIOD, advance, start
+from experiments.benchmarks.rows import PERIOD, advance, row_states, start
 
 CAR = DoubleTrackParameters()
 NONE = Effects()
 
 
 def own_states(z):
-    return OwnStates(*z[7:])
+    return OwnStates(*z[5:-2])
 
 
 def driven(car, v, delta, duration, effects=NONE, hold=True):
@@ -241,7 +240,7 @@ def test_added_mass_is_on_the_springs():
     assert sprung_mass(heavy) - sprung_mass(p) == pytest.approx(0.1 * CAR.mass)
 
 
-MOVING = tuple(name for name in Effects._fields if name not in OFF_THE_MOTION + NOT_OF_THIS_CAR)
+MOVING = tuple(name for name in Effects._fields if name not in OFF_THE_MOTION + NOT_ON_FOUR_WHEELS)
 
 
 @pytest.mark.parametrize("name", MOVING)
@@ -269,7 +268,7 @@ def test_arrays_give_what_numbers_give():
 
 
 def test_states_are_named():
-    assert len(LOG_STATES) == 7 + len(OwnStates._fields) == len(driven(CAR, 10.0, 0.0, 0.1)[0])
+    assert len(row_states(CAR.constants())) == 7 + len(OwnStates._fields) == len(driven(CAR, 10.0, 0.0, 0.1)[0])
 
 
 def test_the_engines_power_limits_what_both_rear_wheels_and_the_differential_get():

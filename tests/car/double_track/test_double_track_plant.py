@@ -9,9 +9,9 @@ from pydrake.symbolic import MakeVectorVariable
 from pydrake.systems.analysis import ResetIntegratorFromFlags, Simulator
 
 from drift_drake.car.double_track.constants import flattened, unflattened
-from drift_drake.car.double_track.motion import NOT_OF_THIS_CAR, OwnStates, double_track_motion
+from drift_drake.car.double_track.motion import OwnStates, double_track_motion
 from drift_drake.car.double_track.parameters import CARS, DoubleTrackParameters
-from drift_drake.car.effects.magnitudes import Effects
+from drift_drake.car.effects.magnitudes import NOT_ON_FOUR_WHEELS, Effects
 from drift_drake.car.equations_plant import EquationsPlant
 from drift_drake.car.parameters import InvalidVehicleError, VehicleParameters
 from drift_drake.car.single_track.plant import VehiclePlant
@@ -165,7 +165,7 @@ def test_converts_to_expressions():
     assert rate == pytest.approx(numeric.EvalTimeDerivatives(prepared(numeric)).CopyToVector()[0], rel=1e-10)
 
 
-@pytest.mark.parametrize("name", NOT_OF_THIS_CAR)
+@pytest.mark.parametrize("name", NOT_ON_FOUR_WHEELS)
 def test_an_effect_that_it_cannot_have_is_refused(name):
     with pytest.raises(InvalidVehicleError, match=f"{name} cannot be put on a double-track car"):
         EquationsPlant(CAR, Effects(**{name: 0.1}))

@@ -115,7 +115,7 @@ class Asked:
         patch.setattr(module, "usual_error", lambda: SimpleNamespace(limit=lambda: 1.0))
         patch.setattr(module, "car_error", lambda car, _: math.inf if car is None else self.errors[car.name])
         patch.setattr(module, "identified", self.one_track)
-        patch.setattr(module, "identified_double_track", self.two_tracks)
+        patch.setattr(module, "identified_with_own_states", self.two_tracks)
         patch.setattr(module, "load_hybrid", lambda: "hybrid")
         patch.setattr(module, "hybrid_limit", lambda _: 7.0)
         patch.setattr(module, "surprise_of", lambda *_: 3.0)

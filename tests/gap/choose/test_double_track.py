@@ -11,11 +11,11 @@ from drift_drake.car.double_track.parameters import CARS, DoubleTrackParameters
 from drift_drake.car.effects.magnitudes import Effects
 from drift_drake.car.log.table import Run
 from drift_drake.car.parameters import VehicleParameters
-from drift_drake.gap.choose.identified import IdentifiedCar, identified_double_track
+from drift_drake.gap.choose.identified import IdentifiedCar, identified_with_own_states
 from drift_drake.gap.estimation.windows import WindowedRun, errors, forecast_error, windowed
 from drift_drake.gap.identification.identify import identify
 from experiments.benchmarks.compiled_cases import NOISE
-from experiments.benchmarks.rows import LOG_STATES, PERIOD, advance, start
+from experiments.benchmarks.rows import PERIOD, advance, start
 
 TRUE = Effects(steering_lag=0.05, torque_lag=0.12)
 CAR = CARS["coupe"].replace(cg_height=0.56, differential_preload=80.0, differential_share=0.25)
@@ -36,7 +36,7 @@ def driven(car: DoubleTrackParameters, seed: int, duration: float = 4.5) -> Run:
         tau[row + 1] = 180.0 + 150.0 * np.sin(2.7 * t[row] + phase)
         z, _ = advance(z, row, delta, tau, p, TRUE)
         states.append(z)
-    columns = {name: np.array(states)[:, LOG_STATES.index(name)] for name in ("r", "v", "beta", "omega_r", "psi")}
+    columns = {name: np.array(states)[:, i] for i, name in enumerate(("r", "v", "beta", "omega_r", "psi"))}
     read = {name: values + NOISE[name] * rng.standard_normal(rows) for name, values in columns.items()}
     return Run(name=f"drive_{seed}", t=t, delta_cmd=delta, tau_cmd=tau, **read)
 
@@ -60,7 +60,7 @@ def identified_again(
     seen: list[WindowedRun], more: Sequence[str] = (), near: Mapping[str, float] | None = None
 ) -> tuple[IdentifiedCar, dict[str, float]]:
     """The car, and the magnitudes of all that was unknown of it."""
-    car = identified_double_track(seen, VehicleParameters(), more, near)
+    car = identified_with_own_states(seen, VehicleParameters(), more, near)
     assert car is not None
     return car
 

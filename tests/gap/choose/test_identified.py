@@ -19,7 +19,7 @@ from drift_drake.drive.learnt.checkpoint import BayesianModel
 from drift_drake.drive.mpc.plan import DT
 from drift_drake.gap.choose import choice as choice_module
 from drift_drake.gap.choose.choice import Choice, Findings, ask, car_error, doubts, usual_error
-from drift_drake.gap.choose.identified import ONE_MORE, IdentifiedCar, identified, identified_double_track
+from drift_drake.gap.choose.identified import ONE_MORE, IdentifiedCar, identified, identified_with_own_states
 from drift_drake.gap.estimation.windows import forecast_error, windowed
 from drift_drake.gap.identification.estimate import effect_ranges
 from experiments.benchmarks.vehicles import draw_effects
@@ -213,7 +213,7 @@ def test_a_car_is_asked_for_more_only_where_it_is_not_yet_known(
         return known and (IdentifiedCar(CARS["coupe"], Effects()._replace(aero_drag=known)), {"mass_error": 0.1})
 
     monkeypatch.setattr(choice_module, "identified", single)
-    monkeypatch.setattr(choice_module, "identified_double_track", double)
+    monkeypatch.setattr(choice_module, "identified_with_own_states", double)
     monkeypatch.setattr(choice_module, "car_error", lambda car, _: car.effects.aero_drag if car else np.inf)
     monkeypatch.setattr(choice_module, "doubts", lambda *_: ())
     choice = ask(runs_of(driven), VehicleParameters())
@@ -313,4 +313,4 @@ def test_a_double_track_car_is_identified_as_one(model: BayesianModel, kind: Own
 
 def test_drives_that_are_too_short_identify_no_double_track_car(driven: list[pd.DataFrame]) -> None:
     short = [windowed(run) for run in runs_of([table.iloc[:150] for table in driven])]
-    assert identified_double_track(short, VehicleParameters()) is None
+    assert identified_with_own_states(short, VehicleParameters()) is None

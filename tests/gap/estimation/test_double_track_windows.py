@@ -9,7 +9,7 @@ from drift_drake.car.double_track.parameters import CARS, DoubleTrackParameters
 from drift_drake.car.effects.magnitudes import Effects
 from drift_drake.car.log.table import Run
 from drift_drake.gap.estimation.windows import HORIZONS, LARGEST_ERROR, WindowedRun, errors, windowed
-from experiments.benchmarks.rows import LOG_STATES, PERIOD, advance, start
+from experiments.benchmarks.rows import PERIOD, advance, start
 
 EFFECTS = Effects(steering_lag=0.06, torque_lag=0.1)
 LIVELY = CARS["coupe"].replace(differential_preload=40.0, differential_share=0.2)
@@ -26,7 +26,7 @@ def rolled(car: DoubleTrackParameters, effects: Effects = EFFECTS, duration: flo
     for row in range(rows - 1):
         z, _ = advance(z, row, delta, tau, p, effects)
         states.append(z)
-    found = {name: np.array(states)[:, LOG_STATES.index(name)] for name in ("r", "v", "beta", "omega_r", "psi")}
+    found = {name: np.array(states)[:, i] for i, name in enumerate(("r", "v", "beta", "omega_r", "psi"))}
     return Run(name="slalom", t=t, delta_cmd=delta, tau_cmd=tau, **found)
 
 

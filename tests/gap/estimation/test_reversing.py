@@ -7,6 +7,7 @@ from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import LogVectorOutput, TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial
 
+from drift_drake.car.brush.parameters import BrushParameters
 from drift_drake.car.double_track.parameters import DoubleTrackParameters
 from drift_drake.car.effects.magnitudes import Effects
 from drift_drake.car.equations_plant import EquationsPlant
@@ -18,7 +19,7 @@ from drift_drake.gap.estimation.make_problem import make_problem
 from drift_drake.gap.estimation.usable import admit
 from drift_drake.gap.estimation.windows import errors, windowed
 
-ONE, TWO = VehicleParameters(), DoubleTrackParameters()
+ONE, TWO, BRUSH = VehicleParameters(), DoubleTrackParameters(), BrushParameters()
 
 
 def reversing_run(plant):
@@ -42,7 +43,7 @@ def reversing_run(plant):
     return Run("to_and_fro", t, r, np.abs(v), u[0], u[1], course, omega_r, psi=x[9], x=x[7], y=x[8])
 
 
-@pytest.mark.parametrize(("plant", "car"), [(VehiclePlant, ONE), (EquationsPlant, TWO)])
+@pytest.mark.parametrize(("plant", "car"), [(VehiclePlant, ONE), (EquationsPlant, TWO), (EquationsPlant, BRUSH)])
 def test_windows_of_a_car_that_reverses_are_predicted_to_nothing(plant, car):
     runs, _, _ = admit([reversing_run(plant(car))], car)
     assert sum(part.v.max() < 0.0 for part in runs) >= 2

@@ -1,8 +1,8 @@
 """The vehicle that an answer corrects."""
 
-from drift_drake.car.double_track.motion import check_supported
-from drift_drake.car.double_track.parameters import DoubleTrackParameters
 from drift_drake.car.effects.magnitudes import Effects, combined, make_effects
+from drift_drake.car.equations import check_supported
+from drift_drake.car.foreign.simulator_car import SimulatorCar
 from drift_drake.car.parameters import RELATIVE, CarParameters, SomeCar, VehicleParameters
 from drift_drake.gap.diagnosis.answers.answer import Answer, InvalidAnswerError
 
@@ -45,8 +45,8 @@ def corrected_vehicle(
             magnitudes["steering_offset"] = magnitudes.get("steering_offset", 0.0) + offset
         vehicle = vehicle.replace(**changes)
     effects = combined(own, make_effects(magnitudes))
-    if isinstance(vehicle, DoubleTrackParameters):
-        check_supported(effects, answer.case)
+    if not isinstance(vehicle, SimulatorCar):
+        check_supported(vehicle.constants(), effects, answer.case)
     return vehicle, effects
 
 

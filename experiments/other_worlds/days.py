@@ -21,10 +21,13 @@ from tqdm import tqdm
 from diagrams.command import run_command
 from drift_drake.car.brush.parameters import BrushParameters
 from drift_drake.car.double_track.parameters import CARS, DoubleTrackParameters
-from drift_drake.car.effects.magnitudes import make_effects
+from drift_drake.car.effects.magnitudes import Effects, make_effects
+from drift_drake.car.equations import kind_of
 from drift_drake.car.log.table import Run, write_run
-from drift_drake.car.parameters import Tolerance, VehicleParameters
+from drift_drake.car.parameters import CarParameters, Tolerance, VehicleParameters
+from drift_drake.car.vehicle_file import write_vehicle
 from drift_drake.common.run_folder import write_json, write_versions
+from drift_drake.gap.estimation.unknowns import FIELDS, deviations_of
 from experiments.benchmarks.compiled_cases import NOISE
 from experiments.benchmarks.rows import PERIOD
 from experiments.other_worlds import brush_cars, double_track
@@ -65,6 +68,7 @@ EITHER_SIGN = ("steering_offset", "road_grade", "gyro_bias", "sideslip_bias", "s
                "gyro_gain_error", "speed_gain_error", "road_bank")  # fmt: skip
 
 GUESSED_STIFFNESS = {"small": 15.0, "truck": 10.0}  # [-] of the first guess: an axle's stiffness over its static load
+GUESSED = ("friction_level", "front_stiffness_error", "rear_stiffness_error", "yaw_inertia_error")
 OF_A_CAR = 20.0  # the same of any other
 GUESS_TOLERANCE = Tolerance(yaw_inertia=0.1, front_axle_distance=0.02, wheel_radius=0.005, rear_axle_inertia=0.1,
                             torque=0.03, friction=0.1, front_stiffness=0.3, rear_stiffness=0.3,
@@ -95,6 +99,9 @@ class Days:
     """Days with a strange fault that the catalogue lacks, in the order of `strange_faults.STRANGE`, and over again."""
     first_runs: int = len(DAY_ONE)
     """Runs of the first day: its manoeuvres in turn."""
+
+    own_kind: bool = False
+    """The first guess is of the car's own kind, all that it does not know a standard deviation or so off."""
 
     def __post_init__(self) -> None:
         if not 0.0 <= self.smooth < 0.5 / PERIOD:
@@ -168,6 +175,16 @@ def first_guess(name: str) -> VehicleParameters:
     )
 
 
+def guess_of_its_kind(config: Days) -> CarParameters:
+    """The same of the car's own kind: its parameters and what a vehicle file says nothing of, as far off as drawn."""
+    car = ALL_CARS[config.car].replace(tolerance=GUESS_TOLERANCE)
+    rng, first = np.random.default_rng([list(ALL_CARS).index(config.car), config.seed, 4]), car.constants()
+    kind, bounds = kind_of(first), {unknown.name: (unknown.low, unknown.high) for unknown in deviations_of(first)}
+    by = {name: float(np.clip(rng.standard_normal(), *ends)) for name, ends in bounds.items()}
+    off = {name: float(getattr(GUESS_TOLERANCE, FIELDS[name]) * rng.standard_normal()) for name in GUESSED}
+    return car.with_constants(kind.changed_constants(kind.deviated(first, by, Effects()), make_effects(off)))
+
+
 def write_day(folder: Path, runs: list[Run]) -> None:
     """One file a run."""
     folder.mkdir(parents=True, exist_ok=True)
@@ -186,7 +203,8 @@ def main(config: Days) -> None:
     car, out = ALL_CARS[config.car], config.out
     manoeuvres = tuple(DAY_ONE[i % len(DAY_ONE)] for i in range(config.first_runs))
     write_day(out / "day_one", make_day(config, {}, manoeuvres, 0, config.first_effort))
-    first_guess(config.car).to_yaml(out / "start.yaml")
+    guess = guess_of_its_kind(config) if config.own_kind else first_guess(config.car)
+    write_vehicle(out / "start.yaml", guess)
     write_json(out / "config.json", config)
     write_json(out / "truth.json", car)
     write_versions(out)

@@ -253,7 +253,8 @@ def of_kind(first: CarConstants, fit: RobustFit, kept: Sequence[Unknown]) -> dic
         low, value, high, further = (deviation.moved(start, by + share * spread)
                                      for share in (-TWO_SIDED, 0.0, TWO_SIDED, 1.0))  # fmt: skip
         size = (further - value) / spread
-        out[name] = Parameter(deviation.unit, start, value, low, high, size * spread, size, 1.0, "free")
+        state = "free" if size > 0.0 else "known"  # a relative deviation of what the car has not
+        out[name] = Parameter(deviation.unit, start, value, low, high, size * spread, size, 1.0, state)
     return out
 
 

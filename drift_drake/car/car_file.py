@@ -1,26 +1,19 @@
 """A car of any kind in a file: single-track, double-track, on brush tyres, or a simulator of the user's."""
 
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from drift_drake.car.brush.parameters import BrushParameters
-from drift_drake.car.double_track.parameters import DoubleTrackParameters
 from drift_drake.car.effects.magnitudes import Effects
-from drift_drake.car.equations import check_supported
+from drift_drake.car.equations import KINDS_BY_KEY, check_supported
 from drift_drake.car.foreign.simulator_car import SimulatorCar, read_simulator
 from drift_drake.car.parameters import (
     CarParameters,
     InvalidVehicleError,
-    VehicleParameters,
     check_keys,
     read_plain,
     vehicle_data,
 )
-from drift_drake.car.proportions import check_brush, check_double_track
 from drift_drake.car.vehicle_file import (
-    BRUSH,
-    DOUBLE_TRACK,
     NO_VEHICLE_FILE,
     SIMULATOR,
     SINGLE_TRACK,
@@ -31,12 +24,6 @@ from drift_drake.car.vehicle_file import (
     key_of,
     single_track_of_data,
 )
-
-PlantParameters = VehicleParameters | DoubleTrackParameters | BrushParameters  # of this package's own kinds
-KINDS: dict[str, tuple[type, Callable[[Any, str], None]]] = {
-    DOUBLE_TRACK: (DoubleTrackParameters, check_double_track), BRUSH: (BrushParameters, check_brush),
-}  # fmt: skip
-"""Cars with states of their own, by the key of a file: parameters, and what sees that they may be some vehicle's."""
 
 
 def read_car(path: str | Path) -> tuple[CarParameters, Effects]:
@@ -65,27 +52,26 @@ def car_of_data(data: Any, path: str | Path) -> tuple[CarParameters, Effects]:
 
 def _with_own_states(data: Any, key: str, source: str) -> tuple[CarParameters, Effects]:
     """The car of a kind with states of its own, and its effects; every parameter but the tolerance must be there."""
-    kind, check = KINDS[key]
+    kind = KINDS_BY_KEY[key]
     check_keys(source, "", data, {key, SINGLE_TRACK, "effects"})
     kept_single_track(data, source)
     effects = effects_of(data.get("effects"), source)
-    car = read_plain(kind, data[key], f"{source}: {key}")
+    car = read_plain(kind.parameters, data[key], f"{source}: {key}")
     check_plausible(car.single_track(), source)
     check_effects(effects, car.single_track(), source)
     check_supported(car.constants(), effects, source)
-    check(car, source)
+    kind.check(car, source)
     return car, effects
 
 
-def plant_of(car: CarParameters, source: str | Path = "the vehicle") -> PlantParameters:
-    """The car where it has to be a Drake plant of this package; raises InvalidVehicleError, which names `source`."""
+def plant_of(car: CarParameters, source: str | Path = "the vehicle") -> CarParameters:
+    """The car where it has to be a Drake plant; raises InvalidVehicleError, which names `source`."""
     if isinstance(car, SimulatorCar):
         raise InvalidVehicleError(f"{source}: {NO_VEHICLE_FILE}")
-    assert isinstance(car, PlantParameters)
     return car
 
 
-def read_plant(path: str | Path) -> tuple[PlantParameters, Effects]:
+def read_plant(path: str | Path) -> tuple[CarParameters, Effects]:
     """`read_car`, `plant_of`."""
     car, effects = read_car(path)
     return plant_of(car, path), effects

@@ -13,9 +13,7 @@ from filelock import FileLock
 from numba.core.compiler_lock import global_compiler_lock
 from numba.extending import register_jitable
 
-from drift_drake.car.effects.installed import fingerprint
-from drift_drake.car.effects.trial import extensions_folder
-from drift_drake.car.tyre import installed_tyres
+from drift_drake.car.effects.trial import extensions_folder, installed_sources
 from drift_drake.common import first_use
 
 Function = TypeVar("Function", bound=Callable[..., Any])
@@ -74,7 +72,7 @@ def _drop_stale_caches_of(source: Path) -> None:
 @cache
 def _cache_folder() -> str:
     """Where compiled functions are kept: numba's own choice, but where other packages' functions are compiled in."""
-    installed = fingerprint(installed_tyres())
+    installed = installed_sources()
     if not installed:
         return str(numba.config.CACHE_DIR)
     newest = max(source.stat().st_mtime for source in PACKAGE.rglob("*.py"))

@@ -2,11 +2,10 @@
 
 A state z holds r [rad/s], v [m/s], beta [rad], omega_r [m/s], psi [rad], then the car's internal states. Commands are
 those that reach the car: what actuators make of them is worked out ahead. Which car it is says the type of its numbers,
-when code is compiled: a module `equations` of each kind has the functions below.
+when code is compiled: each kind's record (`car.kind`) has the functions below.
 """
 
 from collections.abc import Callable
-from types import ModuleType
 from typing import Any
 
 from numba.extending import overload
@@ -17,47 +16,44 @@ from drift_drake.car.double_track import equations as double_track
 from drift_drake.car.double_track.constants import DoubleTrackConstants
 from drift_drake.car.effects.magnitudes import Effects
 from drift_drake.car.foreign.simulator import SimulatorConstants
+from drift_drake.car.installed_cars import installed_cars
+from drift_drake.car.kind import CarKind
 from drift_drake.car.parameters import Constants, InvalidVehicleError
 from drift_drake.car.single_track import equations as single_track
 
 CarConstants = Constants | DoubleTrackConstants | BrushConstants | SimulatorConstants
 
-EQUATIONS: dict[type, ModuleType] = {
-    Constants: single_track, DoubleTrackConstants: double_track, BrushConstants: brush,
-}  # fmt: skip
-"""By the record of a car's numbers."""
+KINDS = (single_track.KIND, double_track.KIND, brush.KIND, *installed_cars())
+EQUATIONS: dict[type, CarKind] = {kind.constants: kind for kind in KINDS}
+"""By the named tuple of a car's numbers."""
+KINDS_BY_KEY = {kind.key: kind for kind in KINDS if kind.key}
+"""Cars with states of their own, by the key of a file that holds one."""
 
 
 def kind_of(constants: CarConstants) -> Any:
-    """The module of a car's equations, or a simulator of the user's, which has no equations here but the same names.
-
-    `LABEL`: what it is called; `LACKS`: effects that mean nothing on it; `DEVIATIONS`: what a vehicle file says nothing
-    of; `FOLDED`: effects that `changed_constants` puts into its numbers; `STEPPED`: whether its internal states follow
-    a measured motion by the steps of a prediction; `flattened`: all of a car's numbers in one row. Of cars with states
-    of their own: `OWN`, these states' names, `OWN_SCALE`, their sizes, and `plant_rates`.
-    """
+    """A car's kind, or a simulator of the user's, which has no equations here but the same names (`CarKind`)."""
     return constants.simulator if isinstance(constants, SimulatorConstants) else EQUATIONS[type(constants)]
 
 
 def folded_into(constants: CarConstants, effects: Effects) -> tuple[Any, Effects]:
     """A car's numbers with the effects that change them put into them, and the effects that are left."""
     kind = kind_of(constants)
-    return kind.changed_constants(constants, effects), effects._replace(**dict.fromkeys(kind.FOLDED, 0.0))
+    return kind.changed_constants(constants, effects), effects._replace(**dict.fromkeys(kind.folded, 0.0))
 
 
 def check_supported(constants: CarConstants, effects: Effects, source: str = "vehicle") -> None:
     """Raises an InvalidVehicleError that names `source` and the effects that a car of this kind cannot have."""
     kind = EQUATIONS[type(constants)]
-    if alien := [name for name in kind.LACKS if getattr(effects, name) != 0.0]:
+    if alien := [name for name in kind.lacks if getattr(effects, name) != 0.0]:
         raise InvalidVehicleError(
-            f"{source}: {', '.join(alien)} cannot be put on a {kind.LABEL}, which has load transfer, tyres that slide "
-            "and a differential of its own; leave it out, or change the car's parameters"
+            f"{source}: {', '.join(alien)} cannot be put on a {kind.label}, whose equations have another place "
+            "for it or none; leave it out, or change the car's parameters"
         )
 
 
 def size_of(constants: CarConstants) -> int:
     """How many states z of this car has."""
-    return int(EQUATIONS[type(constants)].SIZE)
+    return EQUATIONS[type(constants)].size
 
 
 def settle(z: Any, delta: Any, torque: Any, constants: Any, effects: Any) -> None:

@@ -1,6 +1,6 @@
 """A car with states of its own as a one-step model: what an MPC believes that knows this car and its effects.
 
-The car's own states (a kind's `OWN`: actuators, rim difference, wheel loads, slips) are states of the model
+The car's own states (a kind's `own`: actuators, rim difference, wheel loads, slips) are states of the model
 (`car.internal_states`). Its equations are those of `car.equations`, of any kind of car that has such states.
 """
 
@@ -37,7 +37,7 @@ class EquationsStepModel(RememberingStepModel):
     """One step of a car of any kind with states of its own: RK4 with sub-steps under linear input.
 
     States [N, 6 + m]: r [rad/s], v [m/s], beta [rad], omega_r [m/s] (the mean rim speed of the rear wheels, as the
-    plant's sensors measure it), e [m], dphi [rad]; then the kind's `OWN`. Nothing is left out or taken for settled: the
+    plant's sensors measure it), e [m], dphi [rad]; then the kind's `own`. Nothing is left out or taken for settled: the
     fastest mode (of the double-track car the difference of the rear rims, ringing in the tyres at some 270 rad/s) sets
     the number of sub-steps. The Jacobians are those of the equations (forward differences of a ten-millionth of the
     states' sizes, good to a millionth), at the middle of each sub-step and constant over it: second order in the
@@ -55,7 +55,7 @@ class EquationsStepModel(RememberingStepModel):
         self.parameters, self.constants, self.effects = parameters, parameters.constants(), effects
         self._kind = kind_of(self.constants)
         check_supported(self.constants, effects)
-        self.internal_scale = np.array(self._kind.OWN_SCALE)
+        self.internal_scale = np.array(self._kind.own_scale)
         if len(self.internal_scale) > MOST_OWN:
             raise ValueError(f"the car has {len(self.internal_scale)} own states; this model has room for {MOST_OWN}")
         self._places = of_step(len(self.internal_scale))
@@ -81,7 +81,7 @@ class EquationsStepModel(RememberingStepModel):
         return path[-1][:, self._places], by_x, by_u, by_u_next
 
     def settled(self, state: Array, command: Array) -> Array:
-        z = np.zeros(self._kind.SIZE)
+        z = np.zeros(self._kind.size)
         z[:4] = state
         delta, tau = (float(value) for value in command)
         self._kind.settle(z, delta, tau, self.constants, self.effects)
@@ -94,7 +94,7 @@ class EquationsStepModel(RememberingStepModel):
     def follows_at_once(self) -> NDArray[np.bool_]:
         q = self.effects._asdict()
         return np.array([
-            name in FOLLOWERS and not any(q[effect] > 0.0 for effect in FOLLOWERS[name]) for name in self._kind.OWN
+            name in FOLLOWERS and not any(q[effect] > 0.0 for effect in FOLLOWERS[name]) for name in self._kind.own
         ])  # fmt: skip
 
     def _of_equations(self, x: Array) -> Array:

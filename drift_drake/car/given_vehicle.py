@@ -4,9 +4,9 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from drift_drake.car.car_file import KINDS, car_of_data
+from drift_drake.car.car_file import car_of_data
 from drift_drake.car.effects.magnitudes import Effects
-from drift_drake.car.equations import kind_of
+from drift_drake.car.equations import KINDS_BY_KEY, kind_of
 from drift_drake.car.foreign.simulator_car import SimulatorCar
 from drift_drake.car.parameters import CarParameters, InvalidVehicleError, VehicleParameters, vehicle_data
 from drift_drake.car.vehicle_file import effects_of, kept_single_track, tolerances_in
@@ -14,7 +14,7 @@ from drift_drake.car.vehicle_file import effects_of, kept_single_track, toleranc
 GivenEffects = Effects | Mapping[str, float]
 Vehicle = str | Path | CarParameters | tuple[CarParameters, GivenEffects]
 
-CARS: Any = (VehicleParameters, *(kind for kind, _ in KINDS.values()), SimulatorCar)
+CARS: Any = (VehicleParameters, *(kind.parameters for kind in KINDS_BY_KEY.values()), SimulatorCar)
 
 
 class GivenVehicle(NamedTuple):
@@ -57,7 +57,7 @@ def vehicle_given(vehicle: Vehicle) -> GivenVehicle:
 
 def label_of(car: CarParameters) -> str:
     """What a car of this kind is called."""
-    return str(kind_of(car.constants()).LABEL)
+    return str(kind_of(car.constants()).label)
 
 
 def single_track_of(car: CarParameters) -> VehicleParameters:

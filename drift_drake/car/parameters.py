@@ -3,7 +3,7 @@
 import dataclasses
 import math
 from pathlib import Path
-from typing import Any, NamedTuple, Protocol, Self, TypeVar
+from typing import Any, ClassVar, NamedTuple, Protocol, Self, TypeVar
 
 import numpy as np
 import yaml
@@ -98,6 +98,32 @@ class CarParameters(Protocol):
 
 
 SomeCar = TypeVar("SomeCar", bound=CarParameters)
+
+
+class PlainCar:
+    """A base of dataclasses of cars whose constants are fields of theirs, all plain numbers.
+
+    `key`: of the vehicle file that holds one; `numbers`: the named tuple of its constants.
+    """
+
+    key: ClassVar[str]
+    numbers: ClassVar[type[Any]]
+
+    def constants(self) -> Any:
+        """The part of the parameters that the equations of motion read."""
+        return self.numbers(*(float(getattr(self, name)) for name in self.numbers._fields))
+
+    def with_constants(self, constants: Any) -> Self:
+        """The car with other numbers in its equations, validated again; raises InvalidVehicleError."""
+        return self.replace(**{name: float(value) for name, value in constants._asdict().items()})
+
+    def replace(self, **changes: Any) -> Self:
+        """A copy with some parameters changed, validated again."""
+        return dataclasses.replace(self, **changes)  # type: ignore[type-var]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain data, as in a vehicle file."""
+        return {self.key: dataclasses.asdict(self)}  # type: ignore[call-overload]
 
 
 @dataclasses.dataclass(frozen=True)

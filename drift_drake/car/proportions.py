@@ -7,15 +7,20 @@ from typing import Any
 from drift_drake.car.brush.parameters import BrushParameters
 from drift_drake.car.double_track.parameters import DoubleTrackParameters
 from drift_drake.car.parameters import InvalidVehicleError
-from drift_drake.car.vehicle_file import slowest_driven
 
 WHEELBASES = {  # of a vehicle, least and most
     "front_track": (0.1, 3.0), "rear_track": (0.1, 3.0), "track": (0.1, 3.0), "cg_height": (0.0, 2.0),
     "front_roll_center": (0.0, 1.0), "rear_roll_center": (0.0, 1.0),
 }  # fmt: skip
+SLOWEST = 0.6  # [1] of sqrt(g wheelbase)
 MOST_TIMES = 10.0  # the weight or torque that drag and differential are held against
 FASTEST_SETTLING = 1e5  # [1/s]; the coupe's rear rims have 5e3 at their slowest
 FAST = 30.0  # [m/s] at which tyres roll through their relaxation
+
+
+def slowest_driven(c: Any) -> float:
+    """Slowest speed [m/s] that counts as driving (`car.log.driving.slowest`), of a car of these constants."""
+    return SLOWEST * math.sqrt(c.gravity * (c.front_axle_distance + c.rear_axle_distance))
 
 
 def check_double_track(car: DoubleTrackParameters, source: str) -> None:

@@ -17,11 +17,11 @@ from typing import Any, Protocol
 
 from drift_drake.car.effects.installed import loaded
 from drift_drake.car.effects.record import InvalidExtensionError
+from drift_drake.car.effects.trial import TYRES as TYRE_POINTS
 from drift_drake.car.effects.trial import see_that_they_end
 from drift_drake.car.scalar import jitable, norm2, select
 from drift_drake.common.errors import one_line
 
-GROUP = "drift_drake.tyres"
 TRIAL_SLIPS = (1e-9, 0.01, 0.04, 0.15, 0.5, 3.0)
 TRIAL_STIFFNESS, TRIAL_PEAK = 1.4e5, 8000.0  # [N per unit slip], [N]
 STEP, LOOSE = 1e-6, 1e-3  # relative, of a difference, and of what it is held to
@@ -95,7 +95,7 @@ def installed_tyres() -> dict[str, Callable[..., Any]]:
 
 def _points() -> dict[str, EntryPoint]:
     """The entry points, by what messages call them."""
-    points = sorted(entry_points(group=GROUP), key=lambda point: point.name)
+    points = sorted(entry_points(group=TYRE_POINTS), key=lambda point: point.name)
     return {f"tyre {point.name} ({point.value})": point for point in points}
 
 

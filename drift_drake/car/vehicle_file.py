@@ -2,7 +2,6 @@
 
 import hashlib
 import json
-import math
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -11,6 +10,7 @@ import yaml
 
 from drift_drake.car.effects.catalogue import CATALOGUE
 from drift_drake.car.effects.magnitudes import Effects, magnitudes_of, make_effects
+from drift_drake.car.equations import KINDS_BY_KEY
 from drift_drake.car.parameters import (
     CarParameters,
     Constants,
@@ -20,18 +20,17 @@ from drift_drake.car.parameters import (
     is_number,
     vehicle_data,
 )
+from drift_drake.car.proportions import slowest_driven
 from drift_drake.car.single_track.motion_with_effects import changed_constants
 from drift_drake.common.errors import shown
 from drift_drake.common.safe_files import write_text
 
-DOUBLE_TRACK, BRUSH = "double_track", "brush"  # keys of files that hold such cars (`car_file`)
 SINGLE_TRACK = "single_track"  # in that file, the single-track car that was calibrated on the same logs
 SIMULATOR = "simulator"  # of one that holds a simulator of the user's (`foreign.simulator_car`)
 NO_VEHICLE_FILE = (
     "holds a simulator of yours, which 'drift-drake simulator check', 'identify', 'check', 'diagnose', 'apply' and "
     "'replay' take; give a vehicle file here"
 )
-SLOWEST = 0.6  # [1] of sqrt(g wheelbase)
 SIZES = {  # SI
     "mass": (0.05, 1e5),
     "front_axle_distance": (0.01, 20.0),
@@ -129,11 +128,6 @@ def check_effects(effects: Effects | Mapping[str, float], p: VehicleParameters, 
     _check_settling(changed, f"{source} with its effects")
 
 
-def slowest_driven(c: Any) -> float:
-    """Slowest speed [m/s] that counts as driving (`car.log.driving.slowest`), of a car of these constants."""
-    return SLOWEST * math.sqrt(c.gravity * (c.front_axle_distance + c.rear_axle_distance))
-
-
 def _check_settling(c: Constants, source: str) -> None:
     """Of a small disturbance at the slowest speed."""
     speed = slowest_driven(c)
@@ -182,7 +176,7 @@ def single_track_of_data(data: Any, source: str) -> tuple[VehicleParameters, Eff
 
 def key_of(data: Any) -> str:
     """The key that says of which other kind the car of a file is; empty of a single-track car or a simulator."""
-    return next((key for key in (DOUBLE_TRACK, BRUSH) if isinstance(data, dict) and key in data), "")
+    return next((key for key in KINDS_BY_KEY if isinstance(data, dict) and key in data), "")
 
 
 def effects_of(magnitudes: Any, source: str) -> Effects:

@@ -82,7 +82,7 @@ def by_rows(
 
 def row_states(p: CarConstants) -> tuple[str, ...]:
     """Names of the states of a row: those of the car's equations, then its place in the world."""
-    return ("r", "v", "beta", "omega_r", "psi", *kind_of(p).OWN, "x", "y")
+    return ("r", "v", "beta", "omega_r", "psi", *kind_of(p).own, "x", "y")
 
 
 def logged(motion: Motion) -> Motion:

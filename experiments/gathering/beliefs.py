@@ -11,8 +11,8 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
-from drift_drake.car.car_file import KINDS
 from drift_drake.car.effects.magnitudes import Effects, make_effects
+from drift_drake.car.equations import KINDS_BY_KEY
 from drift_drake.car.log.cases import runs_of
 from drift_drake.car.parameters import VehicleParameters, read_plain
 from drift_drake.car.path_plant import PathPlant
@@ -234,7 +234,7 @@ def _findings(stored: dict[str, Any], path: Path) -> Findings:
     if found:
         numbers = found["vehicle"]
         key = key_of(numbers)
-        kind = KINDS[key][0] if key else VehicleParameters
+        kind = KINDS_BY_KEY[key].parameters if key else VehicleParameters
         vehicle = read_plain(kind, numbers[key] if key else numbers, str(path))
         car = IdentifiedCar(vehicle, make_effects(found["effects"]))
     error, surprise = stored["error"], stored.get("surprise", math.inf)

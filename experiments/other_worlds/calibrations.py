@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from drift_drake.car.vehicle_file import read_vehicle
+from drift_drake.car.car_file import read_car
 from experiments.made import tabulated
 from experiments.other_worlds.jobs import Calibrate, failure_path
 from experiments.other_worlds.scoring import median_of, said_share, said_value, share
@@ -19,7 +19,7 @@ def calibration_row(job: Calibrate, own_figures: bool) -> dict[str, Any]:
     """What one calibration says, as numbers.
 
     Args:
-        own_figures: whether the first guess has the car's own `OWN_FIGURES`.
+        own_figures: whether the world (truth.json) or the first guess has the car's own `OWN_FIGURES`.
     """
     if not job.out.exists():
         return {"failed": json.loads(failure_path(job.out).read_text())}
@@ -44,11 +44,12 @@ def calibration_row(job: Calibrate, own_figures: bool) -> dict[str, Any]:
 
 def held_figures(parameters: dict[str, Any], start: Path) -> dict[str, Any]:
     """Of each of `OWN_FIGURES`: estimate, interval, whether it holds the truth, whether it is said to be identified."""
-    car, _ = read_vehicle(start)
+    known = start.parent / "truth.json"
+    own = json.loads(known.read_text()) if known.is_file() else vars(read_car(start)[0])
     out = {}
     for name in OWN_FIGURES:
         if name in parameters:
-            p, truth = parameters[name], float(getattr(car, name))
+            p, truth = parameters[name], float(own[name])
             out[name] = {
                 "truth": truth,
                 "estimate": p["estimate"],

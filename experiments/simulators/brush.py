@@ -17,7 +17,7 @@ import tyro
 import yaml
 
 from diagrams.command import run_command
-from drift_drake.car.brush.equations import SIZE, BrushStates, kinematic_slips
+from drift_drake.car.brush.equations import KIND, BrushStates, kinematic_slips
 from drift_drake.car.brush.parameters import BrushConstants
 from drift_drake.car.compilation import compiled
 from drift_drake.car.effects.magnitudes import Effects
@@ -70,7 +70,7 @@ def simulate(
     """Roll-outs [n, rows] of the brush car from (r, v_x, v_y, omega_r) [n]; see `drift_drake.car.foreign`."""
     p = BrushConstants(**parameters)
     given = np.stack([inputs[name] for name in ("steering", "torque", *FORCES)], axis=-1)
-    out = np.empty((*given.shape[:2], SIZE))
+    out = np.empty((*given.shape[:2], KIND.size))
     r, v_x, v_y, omega_r = (np.asarray(start[name], dtype=float) for name in ("r", "v_x", "v_y", "omega_r"))
     for i in range(len(out)):
         slips = kinematic_slips(r[i], v_x[i], v_y[i], given[i, 0, 0], 0.0, p)

@@ -8,36 +8,27 @@ ISO 8855, at the centre of gravity. The front wheels roll freely.
 
 from typing import Any, NamedTuple
 
-import numpy as np
-
 from drift_drake.car.brush.parameters import (
     DEVIATIONS,
+    FOLDED,
     BrushConstants,
+    BrushParameters,
     changed_constants,
-    deviated,
-    flattened,
-    unflattened,
-    value_of,
 )
-from drift_drake.car.compilation import compiled
 from drift_drake.car.effects import changed
-from drift_drake.car.effects.catalogue import PARAMETRIC
 from drift_drake.car.effects.magnitudes import (
-    COUNT,
     NO_INTERNAL_STATES,
-    NOT_ON_FOUR_WHEELS,
     Effects,
     actuation_of,
     with_double_track_forces,
 )
-from drift_drake.car.lanes import load_lanes, load_lanes_tuple
-from drift_drake.car.on_path import plant_rates_of
+from drift_drake.car.kind import CarKind
+from drift_drake.car.proportions import check_brush
 from drift_drake.car.scalar import (
     absolute,
     clip,
     cos,
     exp,
-    fixed_tuple,
     forwards,
     jitable,
     loaded_tuple,
@@ -50,11 +41,6 @@ from drift_drake.car.scalar import (
 )
 from drift_drake.car.single_track.motion import planar_motion
 from drift_drake.car.single_track.motion_with_effects import axle_torque, road_wheel, steering_rate
-from drift_drake.common.arrays import Array
-
-__all__ = ["DEVIATIONS", "FOLDED", "LABEL", "LACKS", "OWN", "OWN_SCALE", "SIZE", "STEPPED", "cars_in_lanes",
-           "changed_constants", "decays", "deviated", "fastest", "flattened", "plant_rates", "rates", "settle",
-           "unflattened", "value_of"]  # fmt: skip
 
 LEAST_SPEED, LEAST_LOAD, LEAST_GRIP = 0.3, 1e-3, 0.3  # [m/s], shares of the weight and of the friction
 VECTORED = 6.0  # [1] of g times the wheelbase: the square of the speed at which a turn asks for half its yaw rate
@@ -74,15 +60,7 @@ class BrushStates(NamedTuple):
     rear_slip: Any  # [-]
 
 
-LABEL = "brush car"
-OWN = BrushStates._fields
-OWN_SCALE = BrushStates(rim_difference=3.0, steering=0.3, torque=100.0, a_x=5.0, a_y=5.0, a_y_rate=50.0, front_slip=0.3,
-                        rear_slip=0.3)  # fmt: skip
-OWN_COUNT = len(OWN)
-SIZE = 5 + OWN_COUNT
-STEPPED = True  # the body rolls: along a measured motion internal states need a prediction's steps
-LACKS = NOT_ON_FOUR_WHEELS
-FOLDED = (*sorted(PARAMETRIC), "tyre_relaxation", "rolling_resistance", "aero_drag")  # by `changed_constants`
+OWN = len(BrushStates._fields)
 
 
 class Forces(NamedTuple):
@@ -186,7 +164,7 @@ def rates(z: Any, command: Any, car: Any, out: Any) -> None:
     nominal, q, wrench = car
     delta, tau = command
     r, v, beta, omega_r, psi = loaded_tuple(z, 0, 5, delta)
-    own = BrushStates(*loaded_tuple(z, 5, OWN_COUNT, delta))
+    own = BrushStates(*loaded_tuple(z, 5, OWN, delta))
     p, asked = changed_constants(nominal, q), road_wheel(delta, q)
     lagged = q.steering_lag + q.steering_rate_limit
     steering, torque = actuation_of(select(0.0, lagged, own.steering, asked) + q.steering_offset,
@@ -247,22 +225,6 @@ def settle(z: Any, delta: Any, torque: Any, constants: Any, effects: Any) -> Non
         stored(z, 5 + i, state)
 
 
-# Constants and magnitudes come as arrays, which compiled code takes faster than tuples of numbers.
-@compiled
-def plant_rates(x: Array, u: Array, wrench: Array, curvature: float, p: Array, q: Array) -> Array:
-    """`on_path.plant_rates_of` on floats, as an array."""
-    out = np.empty(len(x) + 2)
-    plant_rates_of(rates, x, u, wrench, curvature, unflattened(p), Effects(*fixed_tuple(q, COUNT)),
-                   np.empty((2, SIZE)), out)  # fmt: skip
-    return out
-
-
-@jitable
-def cars_in_lanes(numbers: Any, effects: Any) -> Any:
-    """`BrushConstants` and `Effects` of `lanes` of cars, from flat arrays (`flattened`)."""
-    return unflattened(numbers, load_lanes(numbers, 0)), Effects(*load_lanes_tuple(effects, 0, COUNT))
-
-
 @jitable
 def fastest(z: Any, constants: Any, effects: Any) -> Any:
     """Rate [1/s] at which a rear rim settles in grip, a slip over its length, or the body rolls."""
@@ -273,6 +235,19 @@ def fastest(z: Any, constants: Any, effects: Any) -> Any:
     return maximum(maximum(rim, speed / p.relaxation), maximum(p.roll_frequency, 1.0 / p.pitch_time))
 
 
-@jitable
-def decays(z: Any, constants: Any, effects: Any, out: Any) -> None:
-    """None: internal states are stepped."""
+KIND = CarKind(
+    label="brush car",
+    constants=BrushConstants,
+    own=BrushStates._fields,
+    own_scale=BrushStates(rim_difference=3.0, steering=0.3, torque=100.0, a_x=5.0, a_y=5.0, a_y_rate=50.0,
+                          front_slip=0.3, rear_slip=0.3),
+    rates=rates,
+    settle=settle,
+    fastest=fastest,
+    changed_constants=changed_constants,
+    folded=FOLDED,
+    deviations=DEVIATIONS,
+    parameters=BrushParameters,
+    key="brush",
+    check=check_brush,
+)  # fmt: skip

@@ -1,14 +1,15 @@
 """A car on brush tyres: its parameters with units, validated, and what a vehicle file says nothing of."""
 
 import dataclasses
-from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 from drift_drake.car.deviation import Deviation
 from drift_drake.car.effects import changed
-from drift_drake.car.effects.magnitudes import Effects
+from drift_drake.car.effects.catalogue import PARAMETRIC
+from drift_drake.car.effects.changed import constants_changed
 from drift_drake.car.parameters import (
     InvalidVehicleError,
+    PlainCar,
     Tolerance,
     VehicleParameters,
     check_numbers,
@@ -16,7 +17,6 @@ from drift_drake.car.parameters import (
     check_torques,
     entry,
 )
-from drift_drake.car.scalar import jitable, loaded_tuple
 
 NOT_NEGATIVE = ("cg_height", "front_roll_share", "load_sensitivity", "rolling_resistance", "aero_drag", "lock",
                 "lock_share", "lock_least", "vectoring")  # fmt: skip
@@ -73,7 +73,12 @@ class BrushConstants(NamedTuple):
         return float(self.front_axle_distance + self.rear_axle_distance)
 
 
-NUMBERS = len(BrushConstants._fields)
+CHANGES = {name: getattr(changed, name) for name in ("mass", "yaw_inertia", "front_axle_distance", "rear_axle_distance",
+                                                     "rear_axle_inertia", "gear_ratio", "friction", "aero_drag",
+                                                     "rolling_resistance")}  # fmt: skip
+CHANGES |= {"front_cornering": changed.front_stiffness, "rear_cornering": changed.rear_stiffness,
+            "relaxation": changed.tyre_relaxation}  # fmt: skip
+FOLDED = (*sorted(PARAMETRIC), "tyre_relaxation", "rolling_resistance", "aero_drag")  # effects of these changes
 DEVIATIONS = {
     "cg_height": Deviation("m", 0.15),
     "front_roll_share": Deviation("-", 0.08, relative=False, low=0.1, high=0.9),
@@ -93,8 +98,11 @@ DEVIATIONS = {
 
 
 @dataclasses.dataclass(frozen=True)
-class BrushParameters:
+class BrushParameters(PlainCar):
     """A rear-wheel-drive car on brush tyres. Defaults: the class of car of `VehicleParameters`, no measured vehicle."""
+
+    key: ClassVar[str] = "brush"
+    numbers: ClassVar[type[BrushConstants]] = BrushConstants
 
     mass: float = entry("kg", "m", 1650.0)
     yaw_inertia: float = entry("kg m^2", "I_z", 2350.0)
@@ -145,26 +153,6 @@ class BrushParameters:
         check_torques(self.torque_min, self.torque_max)
         check_tolerance(self.tolerance)
 
-    def constants(self) -> BrushConstants:
-        """The part of the parameters that the equations of motion read."""
-        return BrushConstants(*(float(getattr(self, name)) for name in BrushConstants._fields))
-
-    def with_constants(self, constants: BrushConstants) -> "BrushParameters":
-        """The car with other numbers in its equations, validated again.
-
-        Raises:
-            InvalidVehicleError: a number that no car has.
-        """
-        return self.replace(**{name: float(value) for name, value in constants._asdict().items()})
-
-    def replace(self, **changes: Any) -> "BrushParameters":
-        """A copy with some parameters changed, validated again."""
-        return dataclasses.replace(self, **changes)
-
-    def to_dict(self) -> dict[str, Any]:
-        """Plain data, as in a vehicle file."""
-        return {"brush": dataclasses.asdict(self)}
-
     def single_track(self) -> VehicleParameters:
         """The nearest single-track car: its tyres are this car's at the static loads."""
         c = self.constants()
@@ -175,63 +163,5 @@ class BrushParameters:
                                  **{name: getattr(self, name) for name in shared})  # fmt: skip
 
 
-def flattened(p: BrushConstants) -> tuple[Any, ...]:
-    """All numbers of a car in one row."""
-    return tuple(p)
-
-
-@jitable
-def unflattened(values: Any, like: Any = 0.0) -> BrushConstants:
-    """The car of a row of numbers, the inverse of `flattened`; where `like` is `lanes`, that many cars of a flat array
-    (`scalar.loaded_tuple`)."""
-    return BrushConstants(*loaded_tuple(values, 0, NUMBERS, like))
-
-
-@jitable
-def changed_constants(p: BrushConstants, q: Effects) -> BrushConstants:
-    """The car with the effects that only change parameters."""
-    return BrushConstants(
-        changed.mass(p.mass, q),
-        changed.yaw_inertia(p.yaw_inertia, q),
-        changed.front_axle_distance(p.front_axle_distance, q),
-        changed.rear_axle_distance(p.rear_axle_distance, q),
-        p.track,
-        p.cg_height,
-        p.front_roll_share,
-        p.roll_frequency,
-        p.roll_damping,
-        p.pitch_time,
-        p.wheel_radius,
-        changed.rear_axle_inertia(p.rear_axle_inertia, q),
-        p.gear_ratio * (1.0 + q.torque_gain_error),
-        changed.friction(p.friction, q),
-        p.sliding_friction,
-        p.sliding_speed,
-        p.load_sensitivity,
-        p.nominal_load,
-        changed.front_stiffness(p.front_cornering, q),
-        changed.rear_stiffness(p.rear_cornering, q),
-        p.relaxation + q.tyre_relaxation,
-        p.rolling_resistance + q.rolling_resistance,
-        p.aero_drag + q.aero_drag,
-        p.front_compliance,
-        p.rear_compliance,
-        p.roll_steer,
-        p.rear_steer,
-        p.lock,
-        p.lock_share,
-        p.lock_least,
-        p.vectoring,
-        p.gravity,
-    )
-
-
-def value_of(name: str, car: BrushConstants) -> float:
-    """What a quantity of `DEVIATIONS` is on a car."""
-    return float(getattr(car, name))
-
-
-def deviated(car: BrushConstants, by: Mapping[str, float], effects: Effects) -> BrushConstants:  # noqa: ARG001
-    """The car with its quantities of `DEVIATIONS` so many standard deviations off."""
-    return car._replace(**{name: deviation.moved(value_of(name, car), by[name])
-                           for name, deviation in DEVIATIONS.items() if name in by})  # fmt: skip
+changed_constants = constants_changed(BrushConstants, CHANGES)
+"""The car with the effects that only change parameters."""

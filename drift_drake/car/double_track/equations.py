@@ -2,10 +2,7 @@
 
 from typing import Any
 
-import numpy as np
-
-from drift_drake.car.compilation import compiled
-from drift_drake.car.double_track.constants import changed_constants, flattened, unflattened
+from drift_drake.car.double_track.constants import DoubleTrackConstants, changed_constants, flattened, unflattened
 from drift_drake.car.double_track.deviations import DEVIATIONS, deviated, value_of
 from drift_drake.car.double_track.motion import (
     MIN_RELAXATION_SPEED,
@@ -14,34 +11,11 @@ from drift_drake.car.double_track.motion import (
     own_states,
     settled_states,
 )
+from drift_drake.car.double_track.parameters import DoubleTrackParameters
 from drift_drake.car.effects.catalogue import CATALOGUE, PARAMETRIC
-from drift_drake.car.effects.magnitudes import COUNT, NOT_ON_FOUR_WHEELS, Effects
-from drift_drake.car.lanes import load_lanes, load_lanes_tuple
-from drift_drake.car.on_path import plant_rates_of
-from drift_drake.car.scalar import absolute, fixed_tuple, jitable, loaded_tuple, maximum, minimum, sqrt, stored
-from drift_drake.common.arrays import Array
-
-__all__ = ["DEVIATIONS", "FOLDED", "LABEL", "LACKS", "OWN", "OWN_SCALE", "SIZE", "STEPPED", "cars_in_lanes",
-           "changed_constants", "decays", "deviated", "fastest", "flattened", "plant_rates", "rates", "settle",
-           "unflattened", "value_of"]  # fmt: skip
-
-LABEL = "double-track car"
-OWN = OwnStates._fields
-OWN_SCALE = OwnStates(
-    steering=0.3, torque=100.0, rim_difference=3.0, roll=0.05, roll_rate=0.3, a_x=5.0, a_y=5.0, front_left_slip=0.3,
-    front_right_slip=0.3, rear_left_slip=0.3, rear_right_slip=0.3, rear_left_drive_slip=0.3, rear_right_drive_slip=0.3,
-)  # fmt: skip
-SIZE = 5 + len(OWN)
-STEPPED = True  # rims ring in their tyres: along a measured motion internal states need a prediction's steps
-LACKS = NOT_ON_FOUR_WHEELS
-FOLDED = tuple(name for name, effect in CATALOGUE.items() if name in PARAMETRIC or effect.double_track == "parameter")
-"""Effects that `changed_constants` puts into its numbers."""
-
-
-@jitable
-def cars_in_lanes(numbers: Any, effects: Any) -> Any:
-    """`DoubleTrackConstants` and `Effects` of `lanes` of cars, from flat arrays (`flattened`)."""
-    return unflattened(numbers, load_lanes(numbers, 0)), Effects(*load_lanes_tuple(effects, 0, COUNT))
+from drift_drake.car.kind import CarKind
+from drift_drake.car.proportions import check_double_track
+from drift_drake.car.scalar import absolute, jitable, loaded_tuple, maximum, minimum, sqrt, stored
 
 
 @jitable
@@ -70,16 +44,6 @@ def rates(z: Any, command: Any, car: Any, out: Any) -> None:
         stored(out, 5 + i, rate)
 
 
-# Constants and magnitudes come as arrays, which compiled code takes faster than tuples of numbers.
-@compiled
-def plant_rates(x: Array, u: Array, wrench: Array, curvature: float, p: Array, q: Array) -> Array:
-    """`on_path.plant_rates_of` on floats, as an array."""
-    out = np.empty(len(x) + 2)
-    plant_rates_of(rates, x, u, wrench, curvature, unflattened(p), Effects(*fixed_tuple(q, COUNT)),
-                   np.empty((2, SIZE)), out)  # fmt: skip
-    return out
-
-
 @jitable
 def fastest(z: Any, constants: Any, effects: Any) -> Any:
     """Rate [1/s] at which a rear rim rings in its tyre, which is that of a spring and a mass; or of a slip."""
@@ -91,6 +55,27 @@ def fastest(z: Any, constants: Any, effects: Any) -> Any:
     return maximum(ring, rolling / minimum(tire.longitudinal_relaxation, lateral))
 
 
-@jitable
-def decays(z: Any, constants: Any, effects: Any, out: Any) -> None:
-    """None: internal states are stepped."""
+KIND = CarKind(
+    label="double-track car",
+    constants=DoubleTrackConstants,
+    own=OwnStates._fields,
+    own_scale=OwnStates(
+        steering=0.3, torque=100.0, rim_difference=3.0, roll=0.05, roll_rate=0.3, a_x=5.0, a_y=5.0, front_left_slip=0.3,
+        front_right_slip=0.3, rear_left_slip=0.3, rear_right_slip=0.3, rear_left_drive_slip=0.3,
+        rear_right_drive_slip=0.3,
+    ),
+    rates=rates,
+    settle=settle,
+    fastest=fastest,
+    changed_constants=changed_constants,
+    folded=tuple(name for name, effect in CATALOGUE.items()
+                 if name in PARAMETRIC or effect.double_track == "parameter"),
+    deviations=DEVIATIONS,
+    value_of=value_of,
+    deviated=deviated,
+    flattened=flattened,
+    unflattened=unflattened,
+    parameters=DoubleTrackParameters,
+    key="double_track",
+    check=check_double_track,
+)  # fmt: skip

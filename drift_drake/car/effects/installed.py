@@ -1,17 +1,15 @@
 """Effects that other packages install: found, seen to be usable, and hashed."""
 
 import dataclasses
-import hashlib
 import itertools
 import keyword
 import math
 import random
 import sys
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, redirect_stdout, suppress
 from functools import cache
 from importlib.metadata import EntryPoint, entry_points
-from pathlib import Path
 from typing import Any, get_args
 
 from drift_drake.car.effects.record import (
@@ -25,13 +23,12 @@ from drift_drake.car.effects.record import (
     Fit,
     InvalidExtensionError,
 )
-from drift_drake.car.effects.trial import see_that_they_end
+from drift_drake.car.effects.trial import EFFECTS, see_that_they_end
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.common.errors import one_line, shown
 from drift_drake.common.interruption import TerminatedError
 from drift_drake.common.plain_files import number
 
-GROUP = "drift_drake.effects"
 LOG_COLUMNS = ("x", "y", "psi", "r", "v", "beta", "omega_r", "ax", "ay", "delta_cmd", "tau_cmd", "bank")
 TAKEN = {"none", "unknown", "tyre", "effects", *(field.name for field in dataclasses.fields(VehicleParameters))}
 """Names of verdicts and of what a vehicle file holds."""
@@ -82,7 +79,7 @@ def installed_effects() -> dict[str, Effect]:
 
 def _points() -> dict[str, EntryPoint]:
     """The entry points, by what messages call them."""
-    points = sorted(entry_points(group=GROUP), key=lambda point: point.name)
+    points = sorted(entry_points(group=EFFECTS), key=lambda point: point.name)
     return {f"effect {point.name} ({point.value})": point for point in points}
 
 
@@ -303,21 +300,3 @@ def _check_state(where: str, effect: Effect) -> tuple[float, ...]:
             f"{where}: its state {state:g} or rate {rate:g} is not finite at a magnitude of zero; bound its divisor"
         )
     return (state,)
-
-
-def fingerprint(tyres: Mapping[str, Callable[..., Any]]) -> str:
-    """What other packages' effects and tyres hash to: their names, delays and functions' sources; empty without any."""
-    if not installed_effects() and not tyres:
-        return ""
-    return _digest(installed_effects(), tyres)
-
-
-def _digest(effects: Mapping[str, Effect], tyres: Mapping[str, Callable[..., Any]]) -> str:
-    digest = hashlib.sha256()
-    for name, effect in effects.items():
-        digest.update(f"{name} {effect.delays} ".encode())
-    functions = [(name, getattr(effect, kind)) for kind in FUNCTIONS for name, effect in effects.items()]
-    for name, function in [*((name, one) for name, one in functions if one is not None), *tyres.items()]:
-        source = sys.modules[function.__module__].__file__
-        digest.update(name.encode() + (Path(source).read_bytes() if source else b""))
-    return digest.hexdigest()[:16]

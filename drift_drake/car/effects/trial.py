@@ -10,12 +10,13 @@ import subprocess
 import sys
 from collections.abc import Mapping
 from contextlib import suppress
-from importlib.metadata import EntryPoint
+from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 
 from drift_drake.car.effects.record import InvalidExtensionError
 from drift_drake.common.interruption import ctrl_c_waits
 
+EFFECTS, TYRES, CARS = "drift_drake.effects", "drift_drake.tyres", "drift_drake.cars"  # groups of entry points
 SECONDS = 30  # of processor time that a trial may take, compilation included
 RESTS = 120.0  # [s] on the clock
 TRYING = "DRIFT_DRAKE_TRYING"  # in the environment of a trial, which begins no further one
@@ -93,6 +94,12 @@ def trial(function: str, seconds: int) -> None:
 def extensions_folder() -> Path:
     """Where what is compiled of other packages is kept."""
     return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "drift_drake"
+
+
+def installed_sources() -> str:
+    """A hash of all other packages' extensions and their sources; empty without any. None is imported."""
+    points = {f"{group} {point.name}": point for group in (EFFECTS, TYRES, CARS) for point in entry_points(group=group)}
+    return _digest(points) if points else ""
 
 
 def _digest(points: Mapping[str, EntryPoint]) -> str:

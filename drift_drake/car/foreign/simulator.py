@@ -108,18 +108,18 @@ class Simulator:
 
     # What `car.equations.kind_of` gives of any car:
 
-    LABEL = "simulator of yours"
+    label = "simulator of yours"
 
     @property
-    def LACKS(self) -> tuple[str, ...]:  # noqa: N802
+    def lacks(self) -> tuple[str, ...]:
         return tuple(self.lacking)
 
     @property
-    def DEVIATIONS(self) -> Mapping[str, Deviation]:  # noqa: N802
+    def deviations(self) -> Mapping[str, Deviation]:
         return self.unknown
 
     @property
-    def FOLDED(self) -> tuple[str, ...]:  # noqa: N802
+    def folded(self) -> tuple[str, ...]:
         return tuple(name for name, effect in CATALOGUE.items() if name in PARAMETRIC or effect.changes)
 
     def value_of(self, name: str, constants: "SimulatorConstants") -> float:

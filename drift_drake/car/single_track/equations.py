@@ -1,12 +1,10 @@
 """The single-track car's equations for `car.equations`: internal states are `InternalStates` without the commands'."""
 
-from collections.abc import Mapping
 from typing import Any
 
-from drift_drake.car.deviation import Deviation
 from drift_drake.car.effects import changed
-from drift_drake.car.effects.catalogue import CATALOGUE, PARAMETRIC
 from drift_drake.car.effects.magnitudes import COUNT, INSTALLED_STATES, INTERNAL_COUNT, Effects, InternalStates
+from drift_drake.car.kind import CarKind
 from drift_drake.car.lanes import LANES, load_lanes_tuple
 from drift_drake.car.parameters import Constants
 from drift_drake.car.scalar import absolute, jitable, loaded, loaded_tuple, maximum, select, stored
@@ -18,27 +16,11 @@ from drift_drake.car.single_track.motion_with_effects import (
 )
 
 HELD = INTERNAL_COUNT - 2  # of `InternalStates`: all but the commands', which are known
-SIZE = 5 + HELD
-STEPPED = False  # internal states are slow, or few: half an implicit step a row follows them (`decays`)
 REMEMBERING = ("tyre_relaxation", "tyre_thermal_fade", "longitudinal_load_transfer", "lateral_load_transfer",
                *INSTALLED_STATES)  # fmt: skip
 """Effects without which no internal state acts on the motion."""
 NUMBERS = len(Constants._fields) - 1  # of a car in `lanes`; the last of its constants, its tyre, is one for all
 SHORTEST = 1e-9  # [m] that a tyre may relax over
-LABEL = "single-track car"
-LACKS: tuple[str, ...] = ()  # effects that mean nothing on this car
-DEVIATIONS: dict[str, Deviation] = {}  # of what a vehicle file says nothing of
-FOLDED = tuple(name for name in CATALOGUE if name in PARAMETRIC)  # that `changed_constants` puts into its numbers
-
-
-def deviated(constants: Constants, by: Mapping[str, float], effects: Effects) -> Constants:  # noqa: ARG001
-    """The car itself."""
-    return constants
-
-
-def flattened(constants: Constants) -> tuple[Any, ...]:
-    """All numbers of a car in one row."""
-    return tuple(constants)
 
 
 @jitable
@@ -97,3 +79,19 @@ def decays(z: Any, constants: Any, effects: Any, out: Any) -> None:  # noqa: ARG
 def _relaxation(v: Any, effects: Any) -> Any:
     rate = maximum(absolute(v), 1.0) / maximum(effects.tyre_relaxation, SHORTEST)
     return select(0.0, effects.tyre_relaxation, rate, 0.0)
+
+
+KIND = CarKind(
+    label="single-track car",
+    constants=Constants,
+    own=InternalStates._fields[2:],
+    own_scale=(),
+    rates=rates,
+    settle=settle,
+    fastest=fastest,
+    changed_constants=changed_constants,
+    stepped=False,  # internal states are slow, or few
+    decays=decays,
+    lacks=(),
+    cars_in_lanes=cars_in_lanes,
+)

@@ -55,24 +55,12 @@ SHARPNESS = 5  # squarings that make x^32
 RATE_LIMIT_TIME = 0.002  # [s] in which a rate-limited wheel settles on a command that it can follow
 
 
-@jitable
-def changed_constants(p: Constants, q: Effects) -> Constants:
-    """The car with the effects that only change parameters."""
-    return Constants(
-        changed.mass(p.mass, q),
-        changed.yaw_inertia(p.yaw_inertia, q),
-        changed.front_axle_distance(p.front_axle_distance, q),
-        changed.rear_axle_distance(p.rear_axle_distance, q),
-        p.wheel_radius,
-        changed.rear_axle_inertia(p.rear_axle_inertia, q),
-        p.gear_ratio * (1.0 + q.torque_gain_error),
-        changed.friction(p.friction, q),
-        changed.front_stiffness(p.front_stiffness, q),
-        changed.rear_stiffness(p.rear_stiffness, q),
-        p.gravity,
-        p.front_coupling,
-        p.tyre,
-    )
+changed_constants = changed.constants_changed(Constants, {
+    name: getattr(changed, name) for name in ("mass", "yaw_inertia", "front_axle_distance", "rear_axle_distance",
+                                              "rear_axle_inertia", "gear_ratio", "friction", "front_stiffness",
+                                              "rear_stiffness")
+})  # fmt: skip
+"""The car with the effects that only change parameters."""
 
 
 @jitable

@@ -22,13 +22,13 @@ import numpy as np
 import pandas as pd
 from scipy.special import stdtrit
 
-from drift_drake.car.car_file import PlantParameters, plant_of
+from drift_drake.car.car_file import plant_of
 from drift_drake.car.effects.magnitudes import Effects
 from drift_drake.car.effects.record import wheelbase
 from drift_drake.car.given_vehicle import Vehicle, label_of, vehicle_given
 from drift_drake.car.log.cases import Logs, logs_given
 from drift_drake.car.log.table import COLUMNS, Run
-from drift_drake.car.parameters import VehicleParameters
+from drift_drake.car.parameters import CarParameters, VehicleParameters
 from drift_drake.common.standard_output import Progress
 from drift_drake.drive.learnt.checkpoint import BayesianModel
 from drift_drake.drive.learnt.hybrid_step import hybrid_samples, load_hybrid
@@ -115,7 +115,7 @@ class Choice(NamedTuple):
 
 
 def ask(
-    runs: Sequence[Run], first_guess: PlantParameters, progress: Progress | None = None,
+    runs: Sequence[Run], first_guess: CarParameters, progress: Progress | None = None,
     steering: Steering = USUAL_STEERING,
 ) -> Choice:  # fmt: skip
     """Asks the drives of a car what they identify, and how well that predicts them.
@@ -138,7 +138,7 @@ def ask(
 
 
 def _asked(
-    runs: Sequence[Run], first_guess: PlantParameters, progress: Progress | None, start: Effects
+    runs: Sequence[Run], first_guess: CarParameters, progress: Progress | None, start: Effects
 ) -> Choice:  # fmt: skip
     """The same; start: of effects that a fit begins with."""
     tell = progress or (lambda _stage, _share: None)
@@ -176,7 +176,7 @@ def surprise_of(runs: Sequence[Run], car: IdentifiedCar, model: BayesianModel) -
 
 
 def _another_car(
-    runs: Sequence[Run], first_guess: PlantParameters, limit: float, judged: Sequence[WindowedRun], tell: Progress,
+    runs: Sequence[Run], first_guess: CarParameters, limit: float, judged: Sequence[WindowedRun], tell: Progress,
     start: Effects,
 ) -> IdentifiedCar | None:  # fmt: skip
     """The car that predicts best with an additional fault or, where that is beyond the limit, on four wheels."""

@@ -12,7 +12,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from drift_drake.car.car_file import PlantParameters
 from drift_drake.car.double_track.nearest import nearest_double_track
 from drift_drake.car.effects.catalogue import CATALOGUE, fitted
 from drift_drake.car.effects.delays import LATE
@@ -114,7 +113,7 @@ def identified(
 
 def identified_with_own_states(
     judged: Sequence[WindowedRun],
-    first_guess: PlantParameters,
+    first_guess: CarParameters,
     more: Sequence[str] = (),
     near: Mapping[str, float] | None = None,
 ) -> tuple[IdentifiedCar, dict[str, float]] | None:

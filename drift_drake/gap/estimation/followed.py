@@ -1,7 +1,7 @@
 """Internal states of several cars along the measured motion of one run, up to each window's start.
 
 No sensor reads them. Where they are slow, or few, half an implicit step a row makes them follow (`follow_in_lanes`).
-Where they ring (`equations.STEPPED`) they take the steps of a prediction (`follow_by_steps`).
+Where they ring (`CarKind.stepped`) they take the steps of a prediction (`follow_by_steps`).
 """
 
 from typing import Any

@@ -42,7 +42,7 @@ def learn_normal(
             they differ by from one recording to the next at least (`between_recordings`); left: what the car may
             deviate by (`left_of`).
     """
-    n, of_kind = len(names), tuple(kind_of(day.constants).DEVIATIONS)
+    n, of_kind = len(names), tuple(kind_of(day.constants).deviations)
     scales = robust_scales(day.errors)
     f = flat_scores(day.errors, scales)
     precision = np.linalg.inv(np.cov(f.T) + REGULAR * np.eye(f.shape[1]))

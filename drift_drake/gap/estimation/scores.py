@@ -173,14 +173,14 @@ def make_day(
     kind = kind_of(constants)
     cars = [(constants, added(own, {name: float(step)})) for name, step in zip(names, steps, strict=True)]
     if of_kind is None:
-        cars += [(kind.deviated(constants, {name: 1.0}, own), own) for name in kind.DEVIATIONS]
+        cars += [(kind.deviated(constants, {name: 1.0}, own), own) for name in kind.deviations]
     found = errors_of_all(runs, cars, threads)
     by_effects, by_kind = found[: len(names)], found[len(names) :]
     moved = [moved_by(e, at, *effect) for e, *effect in zip(by_effects, names, steps, strict=True)]
     jacobian = np.stack([scaled(one, scales) for one in moved], axis=-1)
     standard = standards(runs) if normal is None else normal.standard
     free = {name: scaled(column, scales) for name, column in free_columns(runs, constants, own, at).items()}
-    sizes = np.broadcast_to(kind_units if normal is None else normal.kind_units, len(kind.DEVIATIONS))
+    sizes = np.broadcast_to(kind_units if normal is None else normal.kind_units, len(kind.deviations))
     more = [of_kind]
     if of_kind is None:
         more = [size * scaled(e - at, scales)[..., None] for size, e in zip(sizes, by_kind, strict=True)]

@@ -103,7 +103,7 @@ def folded(car: SomeCar, effects: Effects) -> tuple[SomeCar, Effects]:
 def deviations_of(constants: CarConstants) -> list[Unknown]:
     """What a car of this kind has that a vehicle file says nothing of, in standard deviations from the first guess."""
     kind = kind_of(constants)
-    bounds = {name: deviation.bounds(kind.value_of(name, constants)) for name, deviation in kind.DEVIATIONS.items()}
+    bounds = {name: deviation.bounds(kind.value_of(name, constants)) for name, deviation in kind.deviations.items()}
     return [Unknown(name, 1.0, 1.0, low, high, 0.0) for name, (low, high) in bounds.items()]
 
 

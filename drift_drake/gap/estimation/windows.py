@@ -155,7 +155,7 @@ def run_errors_of(
     numbers = np.array([kind.flattened(car) for car, _ in cars], dtype=float)
     out = np.empty((len(cars), len(run.starts), horizons, len(PREDICTED)))
     internal = np.zeros((len(cars), len(run.starts), size_of(like)))
-    if kind.STEPPED:
+    if kind.stepped:
         follow_by_steps(run.start_y, run.starts, deltas, torques, run.period, like, numbers, magnitudes, run.fed,
                         banks, BOUNDS, internal)  # fmt: skip
     else:

@@ -80,7 +80,7 @@ def with_load(name: str, magnitude: float, share: float, constants: CarConstants
     Args:
         constants: of the calibrated car, whose axle distances a shift of its centre of gravity changes.
     """
-    if name not in FOLLOWING or not LOADED.isdisjoint(kind_of(constants).LACKS):
+    if name not in FOLLOWING or not LOADED.isdisjoint(kind_of(constants).lacks):
         return {name: magnitude}
     distances = -float(constants.rear_axle_distance), float(constants.front_axle_distance)
     front, rear = distances if CATALOGUE[name].unit == "m" else (1.0, 1.0)

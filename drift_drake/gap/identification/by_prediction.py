@@ -205,7 +205,7 @@ def sizes_of(first: CarConstants, fit: RobustFit) -> np.ndarray:
     for less.
     """
     by = magnitudes(fit.names, fit.theta)
-    return np.array([max(1.0, abs(by[name])) for name in kind_of(first).DEVIATIONS])
+    return np.array([max(1.0, abs(by[name])) for name in kind_of(first).deviations])
 
 
 def left_open(
@@ -247,7 +247,7 @@ def of_kind(first: CarConstants, fit: RobustFit, kept: Sequence[Unknown]) -> dic
     kind = kind_of(first)
     covariance = np.linalg.inv(information_of(fit, kept))
     out = {}
-    for name, deviation in kind.DEVIATIONS.items():
+    for name, deviation in kind.deviations.items():
         at, start = fit.names.index(name), kind.value_of(name, first)
         by, spread = float(fit.theta[at]), min(float(np.sqrt(covariance[at, at])), 1.0)
         low, value, high, further = (deviation.moved(start, by + share * spread)

@@ -283,7 +283,7 @@ def by_prediction(runs: Sequence[Run], asked: Asked, double: bool, tell: Progres
                 f"{first.front_coupling:g}; calibrate it with --car single-track"
             )
         first = nearest_double_track(first)
-    lacks = kind_of(first.constants()).LACKS
+    lacks = kind_of(first.constants()).lacks
     held = {name for name, info in CATALOGUE.items() if info.tolerance in (*asked.known, *asked.kept)}
     seen, _ = seen_effects(runs, tuple(name for name in CATALOGUE if name not in lacks))
     own = [name for name in OWN if name not in held and name in seen]

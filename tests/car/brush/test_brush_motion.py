@@ -5,8 +5,7 @@ import pytest
 
 from drift_drake.car import equations
 from drift_drake.car.brush.equations import (
-    OWN,
-    SIZE,
+    KIND,
     BrushStates,
     brush_force,
     kinematic_slips,
@@ -16,11 +15,12 @@ from drift_drake.car.brush.equations import (
     wheel_angles,
     wheel_loads,
 )
-from drift_drake.car.brush.parameters import DEVIATIONS, BrushParameters, changed_constants, deviated
+from drift_drake.car.brush.parameters import DEVIATIONS, BrushParameters, changed_constants
 from drift_drake.car.effects.magnitudes import Effects
 
 CAR = BrushParameters()
-P, NONE, STILL = CAR.constants(), Effects(), BrushStates(*np.zeros(len(OWN)))
+P, NONE, OWN, SIZE, deviated = CAR.constants(), Effects(), KIND.own, KIND.size, KIND.deviated
+STILL = BrushStates(*np.zeros(len(OWN)))
 
 
 def rates_at(own: BrushStates = STILL, moving: tuple[float, ...] = (0.0, 12.0, 0.0, 12.0), command=(0.0, 0.0),

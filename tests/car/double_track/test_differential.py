@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from drift_drake.car.double_track.equations import OWN_SCALE
+from drift_drake.car.double_track.equations import KIND
 from drift_drake.car.double_track.motion import (
     LOCKING_SPEED,
     OwnStates,
@@ -71,7 +71,7 @@ def test_the_controllers_jacobians_know_it() -> None:
     u, straight = np.array([COMMAND]), np.zeros(1)
     found = np.concatenate(model.linearize(x, u, 0.9 * u, straight)[1:], axis=2)
     wanted = np.concatenate(StepModel.linearize(model, x, u, 0.9 * u, straight)[1:], axis=2)
-    scale = block_scale(np.array(OWN_SCALE)) / np.concatenate([STATE_SCALE, OWN_SCALE])[:, None]
+    scale = block_scale(np.array(KIND.own_scale)) / np.concatenate([STATE_SCALE, KIND.own_scale])[:, None]
     assert np.abs(scale * (found - wanted)).max() < 5e-3
 
 

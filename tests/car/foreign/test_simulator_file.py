@@ -80,7 +80,7 @@ def test_what_it_cannot_have_is_said_with_the_reason(tmp_path: Path) -> None:
 def test_unknown_parameters_move_by_their_standard_deviations(tmp_path: Path) -> None:
     car = car_of(written(tmp_path, unknown={"soft": 0.3, "mu": {"deviation": 0.1}}))
     kind, constants = kind_of(car.constants()), car.constants()
-    assert list(kind.DEVIATIONS) == ["soft", "mu"]
+    assert list(kind.deviations) == ["soft", "mu"]
     moved = kind.deviated(constants, {"soft": 1.0, "mu": -2.0}, Effects()).by_name()
     assert moved["soft"] == pytest.approx(0.02 * np.exp(0.3))
     assert moved["mu"] == pytest.approx(0.8)

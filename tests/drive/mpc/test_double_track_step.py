@@ -31,7 +31,7 @@ U_NEXT = np.array([[-0.40, 190.0], [0.05, 20.0], [0.1, 150.0]])
 CURVATURE = np.array([1.0 / 18.0, 0.0, -0.03])
 EFFECTS = Effects(friction_level=-0.1, cg_shift=0.03, steering_lag=0.06, torque_lag=0.15, steering_offset=0.01,
                   aero_drag=1.0, drivetrain_friction=80.0, tyre_relaxation=0.3, rear_stiffness_error=0.2)  # fmt: skip
-OWN_SCALE = np.array(equations.OWN_SCALE)
+OWN_SCALE = np.array(equations.KIND.own_scale)
 SCALE = np.concatenate([STATE_SCALE, OWN_SCALE])
 
 

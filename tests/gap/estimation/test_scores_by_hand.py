@@ -158,7 +158,7 @@ def test_a_days_derivatives_are_by_effects_their_parts_and_the_kinds_deviations(
     """Errors that each car is off by as much as its effects say; a double-track car has deviations of its own."""
     runs, car = [windowed_run([0, 200]), windowed_run([100])], CARS["coupe"].constants()
     names, steps, off = ("mass_error", "aero_drag"), np.array([0.1, 0.5]), np.arange(30.0).reshape(3, 2, 5)
-    kinds = len(kind_of(car).DEVIATIONS)
+    kinds = len(kind_of(car).deviations)
 
     def errors_of(_runs, constants, effects: Effects) -> np.ndarray:
         return off + 10.0 * effects.mass_error + effects.aero_drag + (0.25 if constants != car else 0.0)

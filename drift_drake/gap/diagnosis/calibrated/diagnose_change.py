@@ -273,7 +273,7 @@ def search_of(
         InvalidLogError: a column is missing, or there is too little driving;
         InvalidVehicleError: the car is of another kind than the one that was calibrated.
     """
-    if tuple(kind_of(vehicle.constants()).DEVIATIONS) != normal.of_kind:
+    if tuple(kind_of(vehicle.constants()).deviations) != normal.of_kind:
         raise InvalidVehicleError(
             f"{case}: the calibration is of another kind of car (single-track, double-track or a simulator) than the "
             "vehicle file; give the file that 'drift-drake identify' wrote with it (--out)"

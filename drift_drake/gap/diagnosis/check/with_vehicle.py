@@ -170,7 +170,7 @@ def forecast(
         car, effects: the first guess; known: parameters that stay as they are; stated: tolerances that the vehicle
             file states.
     """
-    vehicle, lacks = car.single_track(), kind_of(car.constants()).LACKS
+    vehicle, lacks = car.single_track(), kind_of(car.constants()).lacks
     seen, _ = seen_effects(runs, tuple(name for name in CATALOGUE if name not in lacks))
     windows = [windowed(run, run.filled, stride_of(vehicle)) for run in runs]
     steps = units(seen, vehicle)

@@ -178,7 +178,7 @@ def window_monitor(
         InvalidBaselineScoresError: the calibration is of another kind of car.
     """
     constants = vehicle.constants()
-    if tuple(kind_of(constants).DEVIATIONS) != normal.of_kind:
+    if tuple(kind_of(constants).deviations) != normal.of_kind:
         raise InvalidBaselineScoresError(
             "the calibration is of another kind of car (single-track, double-track or a simulator) than the vehicle "
             "file; give the two that one 'identify' wrote"

@@ -54,6 +54,7 @@ from experiments.benchmarks.vehicles import Population, draw_effects
 from experiments.gathering.beliefs import ASKED, Attempt, Taught, gather_all
 from experiments.gathering.recipe import Extra, Recipe
 from experiments.made import RunConfig, SpreadConfig
+from experiments.other_worlds.brush_drifters import COUPE
 from experiments.other_worlds.true_cars import TrueCar, World, effects_in, oracle, true_car, true_plant
 from experiments.settings import keep_settings
 
@@ -134,6 +135,8 @@ class ModelsConfig(DriftConfig):
     """What the effects are put on: the car of the controllers' equations, a double-track one (the coupe, or a car of
     another kind), which has load transfer, tyres and a differential of its own, or brush cars, drawn one by one, whose
     equations the oracle alone has."""
+    own_equations: bool = False
+    """Of brush cars: the drives identify a car with these equations, from the middle of all such cars."""
 
     def effects(self, vehicle: int) -> Effects:
         """What is true of a vehicle."""
@@ -253,7 +256,7 @@ def run_models(config: ModelsConfig, maneuver: Maneuver, folder: Path) -> pd.Dat
     learnt = load_model(config.checkpoint)
     wanted = frozenset(BELIEFS[model] for model in config.models if model in BELIEFS)
     gathered = gather_all(config.attempts(), config.effects, wanted, learnt, config.gathering, folder, config.run_on,
-                          config.car)  # fmt: skip
+                          config.car, COUPE if config.own_equations else None)  # fmt: skip
     surprise = usual_surprise(learnt)
     believing = Believing(learnt, config.path_step, surprise, config.gathering.learn_lags, config.gate)
     jobs = []

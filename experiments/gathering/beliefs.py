@@ -14,7 +14,7 @@ import pandas as pd
 from drift_drake.car.effects.magnitudes import Effects, make_effects
 from drift_drake.car.equations import KINDS_BY_KEY
 from drift_drake.car.log.cases import runs_of
-from drift_drake.car.parameters import VehicleParameters, read_plain
+from drift_drake.car.parameters import CarParameters, VehicleParameters, read_plain
 from drift_drake.car.path_plant import PathPlant
 from drift_drake.car.vehicle_file import key_of
 from drift_drake.common.arrays import Array
@@ -84,6 +84,7 @@ class GatherJob:
     info: Trajectory
     config: GatheringConfig
     car: TrueCar = "single_track"
+    first_guess: CarParameters = VehicleParameters()  # that an identification begins with
 
 
 class Driven(NamedTuple):
@@ -157,7 +158,7 @@ def gather_beliefs(job: GatherJob) -> Taught:
             lags[name] = found.lag
     counts = {name: count for name, count in ASKED.items() if name in job.wanted and count <= len(tables)}
     findings = {
-        name: ask(runs_of(tables[:count]), learnt.vehicle, steering=config.steering).found
+        name: ask(runs_of(tables[:count]), job.first_guess, steering=config.steering).found
         for name, count in counts.items()
     }
     surprise = None
@@ -169,13 +170,14 @@ def gather_beliefs(job: GatherJob) -> Taught:
 def gather_all(
     attempts: Sequence[Attempt], effects_of: Callable[[int], Effects], wanted: frozenset[str], learnt: BayesianModel,
     gathering: GatheringConfig, folder: Path, run_on: ExecutorConfig,
-    car_of: Callable[[int], TrueCar] = lambda _: "single_track",
+    car_of: Callable[[int], TrueCar] = lambda _: "single_track", first_guess: CarParameters | None = None,
 ) -> dict[Attempt, Taught]:  # fmt: skip
     """What each attempt's gathering has taught, kept in the folder's `beliefs-*.npz`.
 
     Args:
         attempts: (vehicle, noise seed) of each; effects_of: what is true of a vehicle; wanted: of `Taught.beliefs`;
-        car_of: what the effects are put on.
+        car_of: what the effects are put on; first_guess: that an identification begins with, by default the learnt
+            model's vehicle.
     """
     if not wanted:
         return {}
@@ -185,9 +187,10 @@ def gather_all(
         ocp = plan_drive(learnt, learnt.prior(), gathering, 0.0)
         info = plan_drive(learnt, learnt.prior(), gathering, gathering.alpha)
         jobs = [
-            GatherJob(attempt, wanted, learnt, effects_of(attempt[0]), ocp, info, gathering, car_of(attempt[0]))
+            GatherJob(attempt, wanted, learnt, effects_of(attempt[0]), ocp, info, gathering, car_of(attempt[0]),
+                      first_guess or learnt.vehicle)
             for attempt in missing
-        ]
+        ]  # fmt: skip
 
         def write(job: GatherJob, taught: Taught) -> None:
             arrays: dict[str, Any] = {

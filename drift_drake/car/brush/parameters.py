@@ -83,6 +83,7 @@ DEVIATIONS = {
     "cg_height": Deviation("m", 0.15),
     "front_roll_share": Deviation("-", 0.08, relative=False, low=0.1, high=0.9),
     "roll_frequency": Deviation("rad/s", 0.2),
+    "roll_damping": Deviation("-", 0.3),
     "pitch_time": Deviation("s", 0.3),
     "sliding_friction": Deviation("-", 0.06, relative=False, low=0.5, high=1.0),
     "sliding_speed": Deviation("m/s", 0.4),
@@ -90,8 +91,11 @@ DEVIATIONS = {
     "relaxation": Deviation("m", 0.4),
     "front_compliance": Deviation("rad", 0.008, relative=False, low=-0.05, high=0.05),
     "rear_compliance": Deviation("rad", 0.005, relative=False, low=-0.05, high=0.05),
+    "roll_steer": Deviation("rad s^2/m", 0.0007, relative=False, low=-0.01, high=0.01),
+    "rear_steer": Deviation("-", 0.03, relative=False, low=-0.3, high=0.3),
     "lock": Deviation("N m s/m", 0.6),
     "lock_share": Deviation("-", 0.2, relative=False, high=1.0),
+    "lock_least": Deviation("N m", 0.6),
     "vectoring": Deviation("N m s", 0.4),
 }
 """Of what a vehicle file says nothing of; those of a differential or motors that the car has not stay zero."""

@@ -1,4 +1,4 @@
-"""A double-track car from nine seconds of lively driving: what is found, and what is never no car."""
+"""A car of four wheels from nine seconds of lively driving: what is found, and what is never no car."""
 
 import dataclasses
 from collections.abc import Mapping, Sequence
@@ -6,22 +6,26 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 import pytest
 
+from drift_drake.car.brush.parameters import BrushParameters
 from drift_drake.car.double_track.nearest import nearest_double_track
 from drift_drake.car.double_track.parameters import CARS, DoubleTrackParameters
 from drift_drake.car.effects.magnitudes import Effects
+from drift_drake.car.equations_step import EquationsStepModel
 from drift_drake.car.log.table import Run
-from drift_drake.car.parameters import VehicleParameters
+from drift_drake.car.parameters import CarParameters, VehicleParameters
+from drift_drake.gap.choose.choice import ask
 from drift_drake.gap.choose.identified import IdentifiedCar, identified_with_own_states
 from drift_drake.gap.estimation.windows import WindowedRun, errors, forecast_error, windowed
 from drift_drake.gap.identification.identify import identify
 from experiments.benchmarks.compiled_cases import NOISE
 from experiments.benchmarks.rows import PERIOD, advance, start
+from experiments.other_worlds.brush_drifters import draw_drifter
 
 TRUE = Effects(steering_lag=0.05, torque_lag=0.12)
 CAR = CARS["coupe"].replace(cg_height=0.56, differential_preload=80.0, differential_share=0.25)
 
 
-def driven(car: DoubleTrackParameters, seed: int, duration: float = 4.5) -> Run:
+def driven(car: CarParameters, seed: int, duration: float = 4.5) -> Run:
     """A lively drive along a lane, with sensors' noise: the driver turns the wheel against the course."""
     rng, rows = np.random.default_rng(seed), round(duration / PERIOD) + 1
     t = PERIOD * np.arange(rows)
@@ -87,6 +91,18 @@ def test_no_single_track_car_predicts_them_so(drives: list[Run], seen: list[Wind
     single = identify(drives, VehicleParameters(), known=(), criterion="likelihood", watching=False)
     single_error = forecast_error(errors(seen, single.vehicle.constants(), single.effects))
     assert forecast_error(errors(seen, found.vehicle.constants(), found.effects)) < 0.5 * single_error
+
+
+def test_a_first_guess_on_brush_tyres_is_identified_as_that_and_chosen() -> None:
+    car = draw_drifter(1, 7)
+    drives, fresh = [driven(car, seed) for seed in (1, 2)], [windowed(driven(car, seed)) for seed in (3, 4)]
+    found = ask(drives, BrushParameters()).found.car
+    assert found is not None
+    assert found.name == "the identified brush car"
+    assert isinstance(found.vehicle, BrushParameters)
+    true = forecast_error(errors(fresh, car.constants(), TRUE))
+    assert forecast_error(errors(fresh, found.vehicle.constants(), found.effects)) < 1.5 * true
+    assert isinstance(found.step_model(), EquationsStepModel)
 
 
 def test_lags_and_the_locking_differential_are_found(found: IdentifiedCar) -> None:

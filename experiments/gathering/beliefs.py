@@ -84,7 +84,7 @@ class GatherJob:
     info: Trajectory
     config: GatheringConfig
     car: TrueCar = "single_track"
-    first_guess: CarParameters = VehicleParameters()  # that an identification begins with
+    first_guess: CarParameters | None = None  # that an identification begins with, in place of the model's vehicle
 
 
 class Driven(NamedTuple):
@@ -158,7 +158,7 @@ def gather_beliefs(job: GatherJob) -> Taught:
             lags[name] = found.lag
     counts = {name: count for name, count in ASKED.items() if name in job.wanted and count <= len(tables)}
     findings = {
-        name: ask(runs_of(tables[:count]), job.first_guess, steering=config.steering).found
+        name: ask(runs_of(tables[:count]), job.first_guess or learnt.vehicle, steering=config.steering).found
         for name, count in counts.items()
     }
     surprise = None
@@ -188,7 +188,7 @@ def gather_all(
         info = plan_drive(learnt, learnt.prior(), gathering, gathering.alpha)
         jobs = [
             GatherJob(attempt, wanted, learnt, effects_of(attempt[0]), ocp, info, gathering, car_of(attempt[0]),
-                      first_guess or learnt.vehicle)
+                      first_guess)
             for attempt in missing
         ]  # fmt: skip
 

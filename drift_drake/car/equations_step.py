@@ -57,7 +57,7 @@ class EquationsStepModel(RememberingStepModel):
         check_supported(self.constants, effects)
         self.internal_scale = np.array(self._kind.own_scale)
         if len(self.internal_scale) > MOST_OWN:
-            raise ValueError(f"the car has {len(self.internal_scale)} own states; this model has room for {MOST_OWN}")
+            raise ValueError(f"the car has {len(self.internal_scale)} own states; this model takes {MOST_OWN} at most")
         self._places = of_step(len(self.internal_scale))
         self._differences = np.full(len(self._places) + 3, DIFFERENCE)
         self._differences[self._places] *= np.concatenate([STATE_SCALE, self.internal_scale])

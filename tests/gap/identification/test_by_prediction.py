@@ -11,11 +11,21 @@ from drift_drake.car.effects.catalogue import CATALOGUE
 from drift_drake.car.effects.magnitudes import Effects
 from drift_drake.car.log.table import InvalidLogError
 from drift_drake.car.parameters import VehicleParameters
+from drift_drake.gap.estimation.robust_fit import RobustFit
+from drift_drake.gap.estimation.unknowns import deviations_of
 from drift_drake.gap.estimation.windows import HORIZONS, thinned, windowed
 from drift_drake.gap.identification import by_prediction
 from drift_drake.gap.identification import identify as identification
 from drift_drake.gap.identification.agreement import Agreement
-from drift_drake.gap.identification.by_prediction import held_out_windows, is_held, prior_of, row_by_row, split
+from drift_drake.gap.identification.by_prediction import (
+    held_out_windows,
+    is_held,
+    of_kind,
+    prior_of,
+    row_by_row,
+    split,
+)
+from drift_drake.gap.identification.calibration import directions
 from drift_drake.gap.identification.identify import WHITE, identify
 from drift_drake.gap.identification.report import report_html
 
@@ -177,3 +187,16 @@ def test_the_report_plays_both_cars_on_every_run_and_shows_what_is_used(other_ca
     assert "RMS error" in html
     alone = dataclasses.replace(other_car.found, runs=(), first=None)
     assert "Measured against both cars" not in report_html(alone)
+
+
+def test_what_a_car_has_none_of_is_known_not_identified() -> None:
+    """A deviation relative to zero is none, and no direction of what the logs leave open."""
+    car = CARS["coupe"].replace(steering_compliance=0.0).constants()
+    unknowns = deviations_of(car)
+    names, n = tuple(unknown.name for unknown in unknowns), len(unknowns)
+    fit = RobustFit(names, np.zeros(n), np.zeros((1, 5, 5)), np.ones((5, 5)), np.eye(n))
+    found = of_kind(car, fit, unknowns)
+    assert {name: p.kind for name, p in found.items() if p.kind != "free"} == {"steering_compliance": "known"}
+    assert found["steering_compliance"].estimate == found["steering_compliance"].high == 0.0
+    open_ones = {name for one in directions(found, np.eye(n)) for name in one.parts}
+    assert open_ones == set(names) - {"steering_compliance"}

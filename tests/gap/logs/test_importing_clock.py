@@ -62,3 +62,15 @@ def test_what_cannot_be_said():
         estimate_offset(t, np.ones(len(t)), t_ref, ref, 0.0, 0.5)
     with pytest.raises(ValueError, match="20 are needed"):
         estimate_offset(t[:10], z[:10], t_ref, ref, 0.0, 0.5)
+
+
+def test_the_uncertainty_next_to_a_trend_is_the_straight_regressions():
+    """Of A sin(w t) on a trend that the constant takes up: sigma / (A w sqrt(n / 2)), whatever the trend's slope."""
+    t_ref, t = np.arange(0.0, 40.0, 0.01), np.arange(1.0, 39.0, 0.02)
+    amplitude, frequency, noise, stds = 1.0, 2.0 * np.pi / 2.0, 0.05, []
+    for seed in range(8):
+        shaken = noise * np.random.default_rng(seed).standard_normal(len(t))
+        z = 4.0 * t + amplitude * np.sin(frequency * t) + shaken
+        found = estimate_offset(t, z, t_ref, 4.0 * t_ref + amplitude * np.sin(frequency * t_ref), 0.0, 0.4)
+        stds.append(found.std)
+    assert np.mean(stds) == pytest.approx(noise / (amplitude * frequency * np.sqrt(len(t) / 2.0)), rel=0.2)

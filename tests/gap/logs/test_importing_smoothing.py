@@ -3,7 +3,14 @@
 import numpy as np
 import pytest
 
-from drift_drake.gap.logs.importing.smoothing import START_VARIANCE, UNINFORMED, _likelihood, _smoothed, smooth
+from drift_drake.gap.logs.importing.smoothing import (
+    START_VARIANCE,
+    UNINFORMED,
+    _likelihood,
+    _smoothed,
+    noise_of,
+    smooth,
+)
 
 
 def recorded(noise, seed=0, count=1500, period=0.01):
@@ -112,3 +119,8 @@ def test_a_motion_at_rest_has_no_rate():
 def test_too_few_readings():
     with pytest.raises(ValueError, match="10 readings cannot be differentiated"):
         smooth(np.arange(10) * 0.01, np.arange(10.0))
+
+
+def test_a_channel_of_zeros_has_no_noise_and_warns_of_nothing():
+    """Its likelihood has no largest value; warnings are errors here."""
+    assert noise_of(np.arange(50) * 0.01, np.zeros(50)) == 0.0

@@ -6,6 +6,8 @@ import pytest
 
 from drift_drake.gap.logs.importing.importer import import_recordings
 from drift_drake.gap.logs.importing.mapping import mapping_from_dict
+from drift_drake.gap.logs.importing.recording import Readings
+from drift_drake.gap.logs.importing.stretches import moving_stretches, reversing_rows, stretch_of
 
 UNITS = {"v": "m/s", "r": "rad/s", "delta_cmd": "rad", "x": "m", "y": "m", "psi": "rad"}
 
@@ -73,3 +75,36 @@ def test_a_car_that_reverses_is_still_seen_in_them(tmp_path, noise):
     runs, (said,) = imported(tmp_path, columns, ("x", "y", "psi", "delta_cmd"))
     assert runs == 3
     assert "reverses from 9." in said
+
+
+def mapped(names, **further):
+    signals = {name: {"column": name, "unit": UNITS.get(name, "m/s")} for name in names}
+    return mapping_from_dict({"clocks": {"log": {"column": "t"}}, "signals": signals, **further})
+
+
+def readings(t, **signals):
+    return Readings(t, np.arange(len(t)), signals)
+
+
+def test_a_stop_of_half_a_second_ends_a_stretch_of_positions():
+    """The car stands from 4.0 to 4.5 s."""
+    t = 0.01 * np.arange(1000)
+    way, zeros = 5.0 * (np.minimum(t, 4.0) + np.maximum(t - 4.5, 0.0)), 0.0 * t
+    found = readings(t, x=way, y=zeros, psi=zeros, delta_cmd=zeros)
+    before, after = moving_stretches(found, mapped(found.signals, moving={"speed": 1.0, "shortest": 1.0}))
+    assert t[before.stop - 1] == pytest.approx(4.0, abs=0.06)
+    assert t[after.start] == pytest.approx(4.5, abs=0.06)
+
+
+def test_a_measured_velocity_goes_before_the_one_of_positions():
+    t = 0.01 * np.arange(300)
+    vx, vy, zeros = 5.5 + 0.0 * t, 0.2 + 0.0 * t, 0.0 * t
+    found = readings(t, x=5.0 * t, y=zeros, psi=zeros, vx=vx, vy=vy, delta_cmd=zeros)
+    columns = stretch_of(found, slice(0, 300), mapped(found.signals)).columns
+    np.testing.assert_allclose(columns["v"], np.hypot(vx, vy))
+    np.testing.assert_allclose(columns["beta"], np.arctan2(vy, vx))
+
+
+def test_a_car_that_creeps_forwards_does_not_reverse():
+    v = np.where(np.arange(600) < 200, 0.3, 6.0)
+    assert not reversing_rows({"v": v}, 0.01).any()

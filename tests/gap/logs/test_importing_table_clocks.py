@@ -1,10 +1,16 @@
 """Clocks of text tables: of every kind, one for each signal, in rows or columns of their own."""
 
+import datetime
+
 import numpy as np
+import pandas as pd
 import pytest
 from table_dialects import CLOCKS, COUNT, NAMES, SIGNALS, assert_the_drive, columns, drive, table, texts
 
+from drift_drake.gap.logs.importing.clocks import clock_of, seconds, time_unit
 from drift_drake.gap.logs.importing.formats.files import InvalidRecordingError
+from drift_drake.gap.logs.importing.formats.times import clock_seconds, seconds_of
+from drift_drake.gap.logs.importing.formats.topics import Topic
 from drift_drake.gap.logs.importing.importer import import_recordings
 from drift_drake.gap.logs.importing.look import look
 from drift_drake.gap.logs.importing.mapping import mapping_from_dict
@@ -130,3 +136,43 @@ def test_seconds_of_the_day_or_week_go_on_as_it_ends(tmp_path, name, turn):
     cells = {name: texts((turn - 8.0 + exact["t"]) % turn)} | {k: q for k, q in cells.items() if k != "time"}
     (tmp_path / "drive.csv").write_text(table(cells))
     assert_the_drive(tmp_path / "drive.csv")
+
+
+def test_a_second_clock_that_repeats_its_readings_is_none_of_other_rows(tmp_path):
+    """A receiver's time, five times a second in rows of the table's clock."""
+    exact = drive()
+    cells = {"time": texts(exact["t"]), "yaw rate": texts(exact["r"])}
+    cells |= {"gps time": texts(np.floor(5.0 * exact["t"]) / 5.0)}
+    cells |= {"speed": texts(exact["v"]), "road wheel angle": texts(exact["delta_cmd"])}
+    (tmp_path / "drive.csv").write_text(table(cells))
+    assert list(look(tmp_path / "drive.csv").mapping["clocks"].values()) == [{"column": "time"}]
+
+
+T = 0.01 * np.arange(400)
+
+
+@pytest.mark.parametrize("other", [np.floor(T), 1.0 + np.sin(T)], ids=["held", "to and fro"])
+def test_a_duration_is_no_clock_next_to_the_column_that_always_advances(other):
+    topic = Topic("", pd.DataFrame({"latencja [s]": other, "czas [s]": T, "speed [m/s]": 3.0 + np.sin(T)}))
+    assert clock_of(topic) == "czas [s]"
+
+
+def test_days_of_a_recorder_whose_clock_was_never_set():
+    """Spreadsheets number 1970-01-01, where such clocks begin, 25569: here a minute later, ten rows a second."""
+    began = (datetime.date(1970, 1, 1) - datetime.date(1899, 12, 30)).days
+    topic = Topic("", pd.DataFrame({"time": began + (60.0 + 10.0 * T) / 86400.0}))
+    assert time_unit(topic, "time") == "day"
+    np.testing.assert_allclose(np.diff(seconds(topic, "time")), 0.1, atol=1e-5)
+
+
+def test_a_negative_reading_is_no_midnight():
+    """-1 stands for none in a receiver's time of day: what comes after it is of the same day."""
+    given = np.array([80_000.0, 80_000.1, -1.0, 80_000.3, 80_000.4])
+    np.testing.assert_array_equal(clock_seconds(given, "s"), given)
+
+
+@pytest.mark.parametrize(("zone", "hours"), [("Z", 0.0), ("+02:00", 2.0), ("-05:00", -5.0), ("-0330", -3.5)])
+def test_times_of_a_zone_are_since_1970_in_universal_time(zone, hours):
+    at = datetime.datetime(2024, 5, 1, 12, 0, tzinfo=datetime.timezone(datetime.timedelta(hours=hours)))
+    found = seconds_of(pd.Series([f"2024-05-01T12:00:0{second}{zone}" for second in range(3)]))
+    np.testing.assert_array_equal(found, at.timestamp() + np.arange(3.0))

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from drift_drake.gap.logs.noise import coarse, noise_of, step, white_noise_level, without_jumps, wrap_size
+from drift_drake.gap.logs.noise import FAR, coarse, noise_of, step, white_noise_level, without_jumps, wrap_size
 
 T = 0.01 * np.arange(3000)
 
@@ -54,3 +54,11 @@ def test_a_wrap_is_as_large_as_the_range_that_it_leaves():
     np.testing.assert_allclose((continued - there_and_back)[kept], continued[0] - there_and_back[0], atol=0.02)
     assert wrap_size(np.sin(T)) is None
     assert wrap_size(np.array([])) is None
+
+
+@pytest.mark.parametrize(("size", "left_out"), [(0.7, False), (1.4, True)])
+def test_a_spike_is_left_out_beyond_so_many_standard_deviations_of_the_differences(size, left_out):
+    """A spike h is 6 h in its middle fourth difference, where noise of one has a standard deviation of sqrt(70)."""
+    values = np.random.default_rng(2).standard_normal(3000)
+    values[1500] += size * FAR * math.sqrt(70.0) / 6.0
+    assert bool(np.isnan(without_jumps(values)[1500])) is left_out

@@ -130,9 +130,7 @@ def _see_that_it_compiles(where: str, kind: CarKind) -> None:
 
     numbers = np.repeat(np.array(kind.flattened(kind.parameters().constants()), dtype=float), LANES)
     try:
-        numba.njit(tried)(
-            numbers, np.zeros(COUNT * LANES), np.ones((size + 2) * LANES), np.zeros(size * LANES)
-        )
+        numba.njit(tried)(numbers, np.zeros(COUNT * LANES), np.ones((size + 2) * LANES), np.zeros(size * LANES))
     except Exception as error:  # of many classes
         lines = [line.strip() for line in str(error).splitlines() if line.strip() and "pipeline" not in line]
         raise InvalidExtensionError(

@@ -1,5 +1,6 @@
 """`drift-drake watch`: changes of the car against its simulator during a drive, reported as the log's rows come."""
 
+import contextlib
 import dataclasses
 import json
 import math
@@ -10,13 +11,14 @@ from typing import Any
 
 import tyro
 
+from drift_drake.car.foreign.simulator_car import SimulatorCar
 from drift_drake.car.given_vehicle import vehicle_given
 from drift_drake.car.log.table import InvalidLogError
 from drift_drake.common.errors import InvalidOptionError
 from drift_drake.common.interruption import ended_at_once
 from drift_drake.common.plain_files import check_file
 from drift_drake.common.safe_files import try_outputs
-from drift_drake.common.standard_output import STANDARD_OUTPUT, said_to, write_text
+from drift_drake.common.standard_output import STANDARD_OUTPUT, progress_bar, said_to, write_text
 
 
 @dataclasses.dataclass(frozen=True)
@@ -45,7 +47,7 @@ class Watch:
 
 
 def run_watch(command: Watch) -> None:
-    vehicle_given(command.vehicle)
+    simulated = isinstance(vehicle_given(command.vehicle).parameters, SimulatorCar)
     if not 0.0 <= command.idle < math.inf:
         raise InvalidOptionError(f"--idle {command.idle:g}: give seconds, 0 or more")
     if not command.follow:
@@ -69,10 +71,19 @@ def run_watch(command: Watch) -> None:
             write_text(command.json, _lines(events if command.json == STANDARD_OUTPUT else reported))
             sys.stdout.flush()
 
-    seen = watch(
-        command.log, command.vehicle, command.calibration, follow=command.follow, idle=command.idle, page=command.page,
-        tell=tell, false_alarms_per_hour=command.false_alarms_per_hour, say=say,
-    )  # fmt: skip
+    with contextlib.ExitStack() as bar:
+        show = bar.enter_context(progress_bar(quiet=command.follow or not simulated))
+
+        def progress(stage: str, share: float) -> None:
+            show(stage, share)
+            if share >= 1.0:  # events follow
+                bar.close()
+
+        seen = watch(
+            command.log, command.vehicle, command.calibration, follow=command.follow, idle=command.idle,
+            page=command.page, tell=tell, false_alarms_per_hour=command.false_alarms_per_hour, say=say,
+            progress=progress,
+        )  # fmt: skip
     if seen.sentence():
         say(f"{command.log}: {seen.sentence()}")
     if command.json is not None:

@@ -15,6 +15,7 @@ from drift_drake.car.given_vehicle import GivenVehicle, Vehicle, on_one_track, v
 from drift_drake.car.log.table import InvalidLogError, Run, read_run
 from drift_drake.car.parameters import InvalidVehicleError
 from drift_drake.common.errors import InvalidOptionError
+from drift_drake.common.standard_output import Progress
 from drift_drake.gap.estimation.prior import REACH, SURE
 from drift_drake.gap.monitoring.baselines import Baseline, OfPrediction, baseline_given, calibrated_watcher
 from drift_drake.gap.monitoring.events import SoFar, Watcher
@@ -123,6 +124,7 @@ def watch(
     log: str | Path | Run, vehicle: Vehicle, calibration: Any = None, *, follow: bool = False, idle: float = 0.0,
     page: str | Path | None = None, tell: Callable[[list[Event]], None] | None = None,
     false_alarms_per_hour: float = FALSE_ALARMS, say: Callable[[str], None] = lambda _: None,
+    progress: Progress = lambda _stage, _share: None,
 ) -> WatchedDrive:  # fmt: skip
     """Watches a drive row by row: since when the car differs from its simulator, and which effect explains it.
 
@@ -139,7 +141,8 @@ def watch(
             or replaced is watched anew; idle: end after so many seconds [s] without one, 0: never;
         page: where to draw signals and probabilities and list the events (HTML);
         tell: called with new events as they come; false_alarms_per_hour [1/h]: that are allowed in the mean;
-        say: called with what is waited for.
+        say: called with what is waited for; progress: called with a stage and the share done where a simulator of yours
+            predicts the log.
 
     Raises:
         InvalidLogError: the log cannot be watched; InvalidVehicleError: of the vehicle;
@@ -161,7 +164,7 @@ def watch(
     def monitor_for(run: Run) -> Watcher:
         return _monitor(run, given, baseline, false_alarms_per_hour, say)
 
-    for part in _parts(log, follow, tail, monitor_for):
+    for part in _parts(log, follow, tail, monitor_for, progress):
         if found is not None and tail is not None:
             report([{"t": 0.0, "event": "anew", "why": tail.last_end}])
         verdicts = watched(part.monitor, part.rows)
@@ -199,14 +202,14 @@ def _monitor(
 
 
 def _parts(
-    log: str | Path | Run, follow: bool, tail: Tail | None, monitor_for: Callable[[Run], Watcher]
+    log: str | Path | Run, follow: bool, tail: Tail | None, monitor_for: Callable[[Run], Watcher], progress: Progress
 ) -> Iterator[Part]:
     """A log, or in turn what comes of one that is cut or replaced while it is followed."""
 
     def whole(run: Run) -> Part:
         monitor = monitor_for(run)
         if isinstance(monitor, WindowMonitor) and isinstance(monitor.projection.constants, SimulatorConstants):
-            monitor = with_errors_ahead(monitor, run)
+            monitor = with_errors_ahead(monitor, run, progress)
         return Part(monitor, rows_of(run))
 
     if isinstance(log, Run):

@@ -153,8 +153,9 @@ T = 0.01 * np.arange(400)
 
 @pytest.mark.parametrize("other", [np.floor(T), 1.0 + np.sin(T)], ids=["held", "to and fro"])
 def test_a_duration_is_no_clock_next_to_the_column_that_always_advances(other):
-    topic = Topic("", pd.DataFrame({"latencja [s]": other, "czas [s]": T, "speed [m/s]": 3.0 + np.sin(T)}))
-    assert clock_of(topic) == "czas [s]"
+    """By units alone: the names are Latvian, of a delay and of the time."""
+    topic = Topic("", pd.DataFrame({"aizture [s]": other, "laiks [s]": T, "speed [m/s]": 3.0 + np.sin(T)}))
+    assert clock_of(topic) == "laiks [s]"
 
 
 def test_days_of_a_recorder_whose_clock_was_never_set():

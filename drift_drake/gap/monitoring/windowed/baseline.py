@@ -12,7 +12,8 @@ from drift_drake.car.log.driving import slowest
 from drift_drake.car.log.table import InvalidLogError, Run
 from drift_drake.car.parameters import CarParameters
 from drift_drake.common.plain_files import number
-from drift_drake.gap.estimation.effort import affordable
+from drift_drake.common.standard_output import Progress
+from drift_drake.gap.estimation.effort import affordable, counted
 from drift_drake.gap.estimation.normal import Normal
 from drift_drake.gap.estimation.windows import PREDICTED, WindowedRun, errors_of_all
 from drift_drake.gap.monitoring.bank import effect_nodes
@@ -36,6 +37,7 @@ from drift_drake.gap.monitoring.windowed.sums import (
 )
 from drift_drake.gap.monitoring.windowed.temperature import LEAST, temperature_of
 
+AHEAD = 500  # windows of a whole log that are predicted together
 MOST = 700  # windows of a calibration, of each recording as many, whose scores are looked at
 TYPICAL = 0.75  # quantile of these distances, beyond which a window counts less
 COLUMNS = tuple(PREDICTED)
@@ -151,10 +153,16 @@ def errors_at_once(monitor: WindowMonitor, windows: Sequence[WindowedRun]) -> li
     return [(found[:1, i], found[1:, i]) for i in range(len(windows))]
 
 
-def with_errors_ahead(monitor: WindowMonitor, run: Run) -> WindowMonitor:
-    """The monitor for a whole log, whose windows are predicted at once: a simulator answers many for little more."""
-    windows = windows_by_time(monitor, run)
-    errors = errors_at_once(monitor, list(windows.values()))
+def with_errors_ahead(monitor: WindowMonitor, run: Run, progress: Progress = lambda _stage, _share: None
+                      ) -> WindowMonitor:  # fmt: skip
+    """The monitor for a whole log, whose windows are predicted together: a simulator answers many for little more."""
+    windows, errors = windows_by_time(monitor, run), list[tuple[np.ndarray, np.ndarray]]()
+    ordered = list(windows.values())
+    with counted(progress, monitor.projection.constants) as shown:
+        for first in range(0, len(ordered), AHEAD):
+            shown("predicting the whole log", first / len(ordered))
+            errors += errors_at_once(monitor, ordered[first : first + AHEAD])
+        shown("done", 1.0)
     return dataclasses.replace(monitor, ahead=dict(zip(windows, errors, strict=True)))
 
 

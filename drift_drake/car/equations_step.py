@@ -25,6 +25,7 @@ from drift_drake.common.arrays import Array, contiguous
 
 DIFFERENCE = 1e-7  # of the states' sizes
 COLUMNS = 3 * LANES  # of (z, u, u_next), or of moved states and inputs and then none, in lanes; z: of `on_path.of_step`
+PSI = 4  # its place in z
 MOST_OWN = COLUMNS - 7 - 4  # states of a car's own
 LEAST_SUBSTEPS = 16
 ACCURATE = 1.8  # of a sub-step times the fastest eigenvalue: RK4 is stable to 2.8 or so; a loaded tyre is stiffer
@@ -43,7 +44,8 @@ class EquationsStepModel(RememberingStepModel):
     states' sizes, good to a millionth), at the middle of each sub-step and constant over it: second order in the
     sub-step, not the derivative of the integrator's sum.
 
-    A transport delay is beyond it, as are a road's grade on a heading and the sensors' effects.
+    A transport delay is beyond it, as are the sensors' effects. What depends on the heading (a road's grade) takes that
+    of the path from `along`.
 
     Raises:
         ValueError: such an effect, or more than `MOST_OWN` own states.
@@ -89,7 +91,8 @@ class EquationsStepModel(RememberingStepModel):
 
     def run_on(self, x: Array, u: Array, u_next: Array, duration: float) -> Array:
         substeps = math.ceil(self.substeps * duration / STEP)
-        return self._after(x[None], u[None], u_next[None], np.zeros(1), duration, substeps)[0]
+        car = self.with_effects(self.unheaded()) if self.headed else self
+        return car._after(x[None], u[None], u_next[None], np.zeros(1), duration, substeps)[0]
 
     def follows_at_once(self) -> NDArray[np.bool_]:
         q = self.effects._asdict()
@@ -98,10 +101,11 @@ class EquationsStepModel(RememberingStepModel):
         ])  # fmt: skip
 
     def _of_equations(self, x: Array) -> Array:
-        """Their states z with e and dphi behind them, the heading zero [N, n + 1]."""
+        """Their states z with e and dphi behind them [N, n + 1]."""
         check_states(x, self)
-        z = np.zeros((len(x), x.shape[1] + 1))
+        z = np.empty((len(x), x.shape[1] + 1))
         z[:, self._places] = x
+        z[:, PSI] = np.resize(self.heading, len(x)) + x[:, 5] - x[:, 2]
         return z
 
     def _after(self, x: Array, u: Array, u_next: Array, curvature: Array, duration: float, substeps: int) -> Array:
@@ -126,8 +130,8 @@ class EquationsStepModel(RememberingStepModel):
 
 @jitable
 def _rates(z: Any, command: Any, car: Any, out: Any) -> None:
-    """`on_path.step_rates_of`, of the kind of the car."""
-    step_rates_of(equations.rates, z, command, car, out)
+    """`on_path.step_rates_of` on `lanes`, of the kind of the car."""
+    step_rates_of(equations.rates, z, command, (load_lanes(car[0], 0), car[1], car[2]), out)
 
 
 @compiled
@@ -141,7 +145,8 @@ def _linearized(state: Array, command: Array, curvature: float, p: Any, q: Effec
             value = state[i] if i < size else command[i - size]
             for lane in range(LANES):
                 z[i * LANES + lane] = value + (differences[i] if i == first + lane else 0.0)
-        _rates(z[: size * LANES], (load_lanes(z, size), load_lanes(z, size + 1)), (curvature, p, q), out)
+        step_rates_of(equations.rates, z[: size * LANES], (load_lanes(z, size), load_lanes(z, size + 1)),
+                      (curvature, p, q), out)  # fmt: skip
         for i in range(size):
             for lane in range(LANES):
                 rates[i, first + lane] = out[i * LANES + lane]
@@ -184,6 +189,9 @@ def _sensitivities(path: Array, u: Array, u_next: Array, curvature: Array, p: An
                 sensitivity[n, i, j] = s[places[i] * COLUMNS + places[j]]
             for j in range(4):
                 sensitivity[n, i, len(places) + j] = s[places[i] * COLUMNS + size + j]
+            by_psi = s[places[i] * COLUMNS + PSI]  # that of the path, and dphi - beta
+            sensitivity[n, i, 5] += by_psi
+            sensitivity[n, i, 2] -= by_psi
 
 
 @jitable

@@ -57,8 +57,8 @@ def paths(rates: Callable[..., Any], x: Any, u: Any, u_next: Any, curvature: Any
     """Steps of N cars, `LANES` of them at once, under inputs that go linearly from u to u_next in a time dt [s].
 
     Args:
-        rates: as of `runge_kutta`, on `lanes`, its car the path's curvature [1/m] and what `car` holds.
-        x: [N, n]; u, u_next: [N, 2]; curvature: [N].
+        rates: as of `runge_kutta`, on `lanes`, its car what `curvature` has (`lanes.load_lanes`) and what `car` holds.
+        x: [N, n]; u, u_next: [N, 2]; curvature: of the path [N] [1/m], or this and its heading [N, 2].
         car: a pair. every: sub-steps from one state that is written to the next.
         path: [K, N, n], written: the states after each K-th of dt.
     """
@@ -68,10 +68,10 @@ def paths(rates: Callable[..., Any], x: Any, u: Any, u_next: Any, curvature: Any
         _gathered(x, first, z)
         _gathered(u, first, inputs[0])
         _gathered(u_next, first, inputs[1])
-        _gathered(curvature.reshape(-1, 1), first, inputs[2])
+        _gathered(curvature.reshape(len(x), -1), first, inputs[2])
         start = load_lanes(inputs[0], 0), load_lanes(inputs[0], 1)
         end = load_lanes(inputs[1], 0), load_lanes(inputs[1], 1)
-        here = load_lanes(inputs[2], 0), car[0], car[1]
+        here = inputs[2], car[0], car[1]
         for sub in range(substeps):
             shares = sub / substeps, (sub + 0.5) / substeps, (sub + 1.0) / substeps
             runge_kutta(rates, z, ramp(start, end, shares[0]), ramp(start, end, shares[1]), ramp(start, end, shares[2]),

@@ -4,19 +4,20 @@ A car's own states (lags, relaxation, heat, filtered accelerations) are states o
 ones. They are stable, so that `InternalStateObserver` needs the measured states and the commands alone.
 """
 
+import copy
 from typing import Protocol, Self, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
 from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
 
-from drift_drake.car.effects.catalogue import CATALOGUE, OFF_THE_MOTION
+from drift_drake.car.effects.catalogue import CATALOGUE, HEADED, OFF_THE_MOTION
 from drift_drake.car.effects.magnitudes import COUNT, Effects
 from drift_drake.car.step_model import StepModel
 from drift_drake.common.arrays import Array
 from drift_drake.common.updates import declare_output, declare_update
 
-BEYOND = tuple(name for name, effect in CATALOGUE.items() if name in OFF_THE_MOTION or "psi" in effect.needs)
+BEYOND = OFF_THE_MOTION
 IDENTIFIED_RATE_SHARE = 0.9  # of an identified limit of the rate that is planned with
 LAGGED = tuple(name for name, effect in CATALOGUE.items() if effect.delays == "delta_cmd")
 
@@ -62,6 +63,8 @@ class RememberingStepModel(StepModel, Protocol):
 
     effects: Effects
     """Their magnitudes."""
+    heading: Array = np.zeros(1)
+    """Of the path at each stage [N] [rad] (`along`)."""
 
     def with_effects(self, effects: Effects) -> Self:
         """The same step of the car that has these effects in place of its own."""
@@ -74,6 +77,23 @@ class RememberingStepModel(StepModel, Protocol):
 
     def follows_at_once(self) -> NDArray[np.bool_]:
         """Which of the internal states [m] nothing lags or relaxes, so that each always is the settled one."""
+
+    @property
+    def headed(self) -> bool:
+        return any(getattr(self.effects, name) != 0.0 for name in HEADED)
+
+    def along(self, heading: Array) -> Self:
+        other = copy.copy(self)
+        other.heading = heading
+        return other
+
+    def on_paths(self, curvature: Array) -> Array:
+        """Curvature [1/m] and heading [rad] of the path at stages [N, 2], or at these over and over again."""
+        return np.stack([curvature, np.resize(self.heading, len(curvature))], axis=1)
+
+    def unheaded(self) -> Effects:
+        """The effects without those that depend on the heading, where that is not known."""
+        return self.effects._replace(**dict.fromkeys(HEADED, 0.0))
 
     def with_theta(self, theta: Array) -> Self:
         """`with_effects` of magnitudes [count of effects]."""

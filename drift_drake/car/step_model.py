@@ -7,6 +7,7 @@ from pydrake.systems.framework import LeafSystem
 
 from drift_drake.car.compilation import compiled
 from drift_drake.car.integrate import paths
+from drift_drake.car.lanes import load_lanes
 from drift_drake.car.parameters import Constants, VehicleParameters
 from drift_drake.car.scalar import jitable, loaded_tuple, stored
 from drift_drake.car.single_track.motion import linearize_point, motion, path_rates
@@ -79,6 +80,15 @@ class StepModel(Protocol):
         points = (np.concatenate([x, u, u_next], axis=1) + shifts[:, None]).reshape(-1, n + 4)
         ends = self.step(points[:, :n], points[:, n : n + 2], points[:, n + 2 :], np.tile(curvature, len(shifts)))
         return ends.reshape(len(shifts), -1, n)
+
+    @property
+    def headed(self) -> bool:
+        """Whether its motion depends on the heading, so that `along` is to say it."""
+        return False
+
+    def along(self, heading: Array) -> "StepModel":  # noqa: ARG002 (of a model that is headed)
+        """The model on a path of this heading [rad] at each stage [N]."""
+        return self
 
     def with_theta(self, theta: Array) -> "StepModel":  # noqa: ARG002 (a model with parameters needs them)
         """The model with parameters theta [k] in place of its own, of a model that has any.
@@ -159,8 +169,8 @@ class NominalStepModel(StepModel):
 
 @jitable
 def _rates(z: Any, command: Any, car: Any, out: Any) -> None:
-    """The six states' rates of `lanes` of cars; car: their paths' curvature, constants, nothing."""
-    curvature, p, _ = car
+    """The six states' rates of `lanes` of cars; car: of their paths (`integrate.paths`), constants, nothing."""
+    curvature, p = load_lanes(car[0], 0), car[1]
     r, v, beta, omega_r, e, dphi = loaded_tuple(z, 0, 6, curvature)
     rates = motion(r, v, beta, omega_r, command[0], command[1], p)
     e_dot, dphi_dot, _ = path_rates(r, v, rates.beta_dot, e, dphi, curvature)

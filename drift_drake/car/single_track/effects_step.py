@@ -15,6 +15,7 @@ from drift_drake.car.effects.catalogue import PARAMETRIC
 from drift_drake.car.effects.magnitudes import INSTALLED_STATES, INTERNAL_COUNT, Effects, InternalStates
 from drift_drake.car.integrate import paths
 from drift_drake.car.internal_states import RememberingStepModel, check_one_step, check_states
+from drift_drake.car.lanes import load_lanes
 from drift_drake.car.parameters import Constants, VehicleParameters
 from drift_drake.car.scalar import jitable, loaded_tuple, stored
 from drift_drake.car.single_track.motion import path_rates
@@ -40,8 +41,8 @@ class EffectsStepModel(RememberingStepModel):
     Its Jacobians are forward differences of 1e-7 of the states' sizes, good to a millionth: half the time of
     `StepModel`'s central ones.
 
-    A transport delay is beyond it (a step knows the commands at its own ends only), as are a road's grade
-    on a heading (the six states have none) and the sensors' effects.
+    A transport delay is beyond it (a step knows the commands at its own ends only), as are the sensors' effects. What
+    depends on the heading (a road's grade) takes that of the path from `along`.
 
     Args:
         parameters: the car without effects; effects: magnitudes; dt: of a step [s].
@@ -78,7 +79,8 @@ class EffectsStepModel(RememberingStepModel):
 
     def run_on(self, x: Array, u: Array, u_next: Array, duration: float) -> Array:
         substeps = _stable_substeps(self.effects, duration)
-        return self._after(duration, substeps, x[None], u[None], u_next[None], np.zeros(1))[0]
+        car = self.with_effects(self.unheaded()) if self.headed else self
+        return car._after(duration, substeps, x[None], u[None], u_next[None], np.zeros(1))[0]
 
     def follows_at_once(self) -> NDArray[np.bool_]:
         q = self.effects
@@ -103,7 +105,9 @@ class EffectsStepModel(RememberingStepModel):
         """The states [N, n] a duration [s] later."""
         check_states(x, self)
         path = np.empty((1, *x.shape))
-        _paths(*contiguous(x, u, u_next, curvature), self.constants, self.effects, duration, substeps, path)
+        _paths(
+            *contiguous(x, u, u_next, self.on_paths(curvature)), self.constants, self.effects, duration, substeps, path
+        )
         return path[0]
 
     @property
@@ -133,12 +137,13 @@ def _stable_substeps(effects: Effects, duration: float) -> int:
 
 @jitable
 def _rates(x: Any, command: Any, car: Any, out: Any) -> None:
-    """Writes the rates, on `lanes` too; car: the path's curvature [1/m], constants, effects."""
-    curvature, p, q = car
+    """Writes the rates, on `lanes`; car: the path's curvature [1/m] and heading [rad], constants, effects."""
+    path, p, q = car
     delta, tau = command
     r, v, beta, omega_r, e, dphi = loaded_tuple(x, 0, 6, delta)
+    curvature, psi = load_lanes(path, 0), load_lanes(path, 1) + dphi - beta
     internal = InternalStates(*loaded_tuple(x, 6, INTERNAL_COUNT, delta))
-    m, d = motion_with_effects(r, v, beta, omega_r, 0.0, internal, delta, tau, p, q)
+    m, d = motion_with_effects(r, v, beta, omega_r, psi, internal, delta, tau, p, q)
     e_dot, dphi_dot, _ = path_rates(r, v, m.beta_dot, e, dphi, curvature)
     for i, rate in enumerate((m.r_dot, m.v_dot, m.beta_dot, m.omega_r_dot, e_dot, dphi_dot)):
         stored(out, i, rate)

@@ -130,6 +130,15 @@ class HybridStepModel(StepModel):
             other._offset = flat[MEAN_COUNT : MEAN_COUNT + STATE_COUNT]
         return other
 
+    @property
+    def headed(self) -> bool:
+        return self.car.headed
+
+    def along(self, heading: Array) -> "HybridStepModel":
+        other = copy.copy(self)
+        other.car = self.car.along(heading)
+        return other
+
     def observer(self, period: float) -> LeafSystem | None:
         return self.car.observer(period)
 

@@ -174,6 +174,8 @@ class Mpc:
         if not (np.isfinite(x).all() and np.isfinite(s)):
             raise NoPlanError("the state is not finite; the last plan goes on")
         model = model or self.model
+        if model.headed:  # the reading, run on by the delay, is where the horizon begins
+            model = model.along(self.reference.horizon(s, self.dt, self.horizon).heading)
         self.problem.dynamics.model = model
         start = t + self.delay
         if last is None:

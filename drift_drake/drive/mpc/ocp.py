@@ -332,8 +332,8 @@ def ocp(
         command: in force at the start (delta [rad], tau [N m]), the reference's without.
         horizon: N, steps of the model; weights: of the cost.
     """
-    problem = OptimalControlProblem(model, parameters, horizon, weights)
     along = reference.horizon(s, model.dt, horizon)
+    problem = OptimalControlProblem(model.along(along.heading), parameters, horizon, weights)
     start = np.append(reference.state(s), np.zeros(model.internal_scale.size)) if x is None else np.asarray(x, float)
     in_force = np.asarray(reference.input(s) if command is None else command, dtype=float)
     data = OcpData(start, in_force, along.x_ref, along.curvature, along.e_min, along.e_max, along.u_ref)

@@ -85,8 +85,9 @@ def positions_at(grid: Grid, times: Array) -> Array:
 
 
 @compiled
-def along(grid: Grid, s0: float, dt: float, count: int) -> tuple[Array, Array, Array]:
-    """(path positions [N+1], rows [N+1, 9], mean path curvature over each step [N]) of N = `count` steps from s0."""
+def along(grid: Grid, s0: float, dt: float, count: int) -> tuple[Array, Array, Array, Array]:
+    """(path positions [N+1], rows [N+1, 9], mean path curvature over each step [N], path heading [N+1]) of N = `count`
+    steps from s0."""
     times = times_at(grid, np.array([s0]))[0] + dt * np.arange(count + 1)
     s = positions_at(grid, times)
     s[0] = s0
@@ -99,4 +100,4 @@ def along(grid: Grid, s0: float, dt: float, count: int) -> tuple[Array, Array, A
             heading[k] += (s[k] - within) * rows[k, CURVATURE]
     for k in range(count):
         curvature[k] = (heading[k + 1] - heading[k]) / (s[k + 1] - s[k])
-    return s, rows, curvature
+    return s, rows, curvature, heading

@@ -54,6 +54,8 @@ class Horizon(NamedTuple):
     """Right lane bound [N + 1] [m], negative."""
     e_max: Array
     """Left lane bound [N + 1] [m]."""
+    heading: Array
+    """Mean path heading over each step [N] [rad], laps and turns counted."""
 
 
 @dataclasses.dataclass(frozen=True, repr=False)
@@ -158,8 +160,8 @@ class Reference:
 
     def horizon(self, s0: float, dt: float, count: int) -> Horizon:
         """The reference over the next `count` steps of `dt` [s], from path position s0 [m] on."""
-        s, row, curvature = along(self._grid, float(s0), dt, count)
-        return Horizon(s, _state(row), row[:, 4:6], curvature, row[:, 7], row[:, 8])
+        s, row, curvature, heading = along(self._grid, float(s0), dt, count)
+        return Horizon(s, _state(row), row[:, 4:6], curvature, row[:, 7], row[:, 8], 0.5 * (heading[1:] + heading[:-1]))
 
 
 def _state(row: Array) -> Array:

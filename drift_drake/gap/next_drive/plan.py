@@ -306,5 +306,5 @@ def stand_ins(effects: Effects) -> Effects:
         steering_lag=q["steering_lag"] + max(late_steering + late, 0.0),
         torque_lag=q["torque_lag"] + max(late_torque + late, 0.0),
         rolling_resistance=q["rolling_resistance"] + float(np.sin(q["road_grade"])),
-        **dict.fromkeys(BEYOND, 0.0),
+        **dict.fromkeys((*BEYOND, *HEADED), 0.0),
     )

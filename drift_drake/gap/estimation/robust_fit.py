@@ -165,8 +165,9 @@ def robust_fit(
 def bounded_step(
     hessian: np.ndarray, gradient: np.ndarray, theta: np.ndarray, low: np.ndarray, high: np.ndarray, damping: float
 ) -> np.ndarray:
-    """Damped Newton step [n] within bounds; what would leave through a bound that it is at stays there."""
-    free = np.ones(len(theta), dtype=bool)
+    """Damped Newton step [n] within bounds; what would leave through a bound that it is at stays there, and so does
+    what nothing depends on (a limit that no drive reaches, without a prior)."""
+    free = np.diag(hessian) > 0.0
     step = np.zeros(len(theta))
     for _ in range(len(theta)):
         step[:] = 0.0

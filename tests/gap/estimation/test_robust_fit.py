@@ -81,3 +81,10 @@ def test_a_step_keeps_within_bounds_and_frees_the_others():
     assert np.all((far >= low) & (far <= high))
     damped = bounded_step(hessian, np.array([-0.2, 0.1]), np.array([0.5, 0.0]), low, high, 10.0)
     assert np.linalg.norm(damped) < np.linalg.norm(free)
+
+
+def test_what_nothing_depends_on_stays_where_it_is() -> None:
+    """A limit that no drive reaches, without a prior: the others move as if it were not there."""
+    hessian, low, high = np.diag([4.0, 0.0]), np.zeros(2), np.ones(2)
+    step = bounded_step(hessian, np.array([-0.8, 0.0]), np.array([0.5, 0.7]), low, high, 0.0)
+    np.testing.assert_allclose(step, [0.2, 0.0])

@@ -44,12 +44,12 @@ def loss(mean_squares: np.ndarray, width: float) -> tuple[np.ndarray, np.ndarray
     return share * mean_squares, share**2
 
 
-def _diverge(e: np.ndarray) -> np.ndarray:
+def diverged(e: np.ndarray) -> np.ndarray:
     """Which windows [windows] have errors [windows, HORIZONS, channels] that are no errors, of a car that is lost."""
     return np.asarray(np.any(np.abs(e) >= LARGEST_ERROR, axis=(1, 2)))
 
 
-def _given_up(part: np.ndarray, at: "_At", scales: np.ndarray, width: float) -> np.ndarray:
+def given_up(part: np.ndarray, at: "_At", scales: np.ndarray, width: float) -> np.ndarray:
     """What of the information [n, n] the loss takes back along the errors: it flattens where these are large.
 
     The loss's own second derivative, of which as much as leaves no direction curved downwards. Without it a few windows
@@ -121,9 +121,9 @@ class Criterion:
         steps = self.difference * np.array([u.unit for u in self.unknowns])
         signs = np.where(at.theta + steps <= self.bounds[1], 1.0, -1.0)
         moved = [at.theta + np.where(np.arange(len(steps)) == i, signs * steps, 0.0) for i in range(len(steps))]
-        columns, lost = self.errors(*moved), _diverge(at.e)
+        columns, lost = self.errors(*moved), diverged(at.e)
         for e, sign, step in zip(columns, signs, steps, strict=True):  # in place: logs may be long
-            none = lost | _diverge(e)  # from one that ends to one that does not is no derivative
+            none = lost | diverged(e)  # from one that ends to one that does not is no derivative
             e -= at.e
             e /= sign * step
             e[none] = 0.0
@@ -138,7 +138,7 @@ class Criterion:
             part = part.reshape(-1, len(at.theta))
             rest = (at.e / scales * np.sqrt(at.weights)[:, None, :]).ravel()
             information = part.T @ part
-            hessian = self.hessian(information - _given_up(part, at, scales, width))
+            hessian = self.hessian(information - given_up(part, at, scales, width))
             gradient = self.evidence * part.T @ rest + at.theta / self.prior**2
             better, damping = None, max(damping / 5.0, 1e-6)
             while better is None and damping < 1e3:

@@ -9,7 +9,7 @@ import pytest
 
 from drift_drake.car.effects.catalogue import CATALOGUE
 from drift_drake.car.effects.magnitudes import make_effects
-from drift_drake.car.parameters import InvalidVehicleError, VehicleParameters
+from drift_drake.car.parameters import InvalidVehicleError, Tolerance, VehicleParameters
 from drift_drake.car.single_track.motion import motion
 from drift_drake.car.vehicle_file import _check_settling as check_settling
 from drift_drake.car.vehicle_file import check_effects, check_plausible, effect_range, read_vehicle
@@ -146,6 +146,20 @@ def test_the_rates_at_which_a_car_settles_are_those_of_its_equations(what: str) 
     check_settling(with_rate(1.98e4).constants(), "car")
 
 
+def test_the_sentence_has_how_soon_a_car_settles() -> None:
+    """Its sideslip at a rate of both axles' stiffness over mass and speed: at 40 000 a second in 25 microseconds."""
+    speed = 0.6 * math.sqrt(9.81 * 2.47)
+    light = P.replace(mass=(P.front_stiffness + P.rear_stiffness) / (speed * 4e4))
+    with pytest.raises(InvalidVehicleError, match=r"road in 25 microseconds; no vehicle's does in less than 50$"):
+        check_settling(light.constants(), "car")
+
+
+def test_a_tolerance_is_a_standard_deviation_of_ten_at_most() -> None:
+    assert not refused(P.replace(tolerance=Tolerance(mass=9.99)))
+    words = "vehicle: tolerance.mass is 10.01; give a standard deviation below 10"
+    assert refused(P.replace(tolerance=Tolerance(mass=10.01))) == words
+
+
 def test_ranges_of_effects_are_five_times_the_practical_ones() -> None:
     low, high = CATALOGUE["aero_drag"].range_for(P)
     assert effect_range("aero_drag", P) == pytest.approx((0.0, 5.0 * high))
@@ -166,6 +180,16 @@ def test_ranges_of_effects_are_five_times_the_practical_ones() -> None:
     check_effects({"tyre_relaxation": least}, P)
     with pytest.raises(InvalidVehicleError, match="give 0 for none"):
         check_effects({"tyre_relaxation": 0.99 * least}, P)
+
+
+def test_the_ends_of_a_range_are_within_it_and_zero_is_no_effect() -> None:
+    """A limit of 0.01 rad/s is the least; of zero there is no limit."""
+    for name, q in (("steering_rate_limit", 0.01), ("steering_rate_limit", 100.0), ("friction_level", -0.95)):
+        check_effects({name: q}, P)
+    check_effects({"steering_rate_limit": 0.0}, P)
+    for q in (0.0099, 101.0):
+        with pytest.raises(InvalidVehicleError, match="steering_rate_limit"):
+            check_effects({"steering_rate_limit": q}, P)
 
 
 def test_ranges_follow_the_vehicle_s_size() -> None:

@@ -13,7 +13,7 @@ from functools import cached_property
 import numpy as np
 
 from drift_drake.gap.estimation.unknowns import DIFFERENCE, Unknown, magnitudes
-from drift_drake.gap.estimation.windows import HORIZONS
+from drift_drake.gap.estimation.windows import HORIZONS, LARGEST_ERROR
 
 WIDTHS = (100.0, 30.0, 8.0)  # of the loss, in mean square errors over a window's robust scale, one after the other
 ROUNDS, STEPS = 6, 6  # of scales, and Levenberg-Marquardt steps in each
@@ -42,6 +42,30 @@ def loss(mean_squares: np.ndarray, width: float) -> tuple[np.ndarray, np.ndarray
     """The redescending loss of mean squares, and the weight of each that its gradient gives."""
     share = width / (width + mean_squares)
     return share * mean_squares, share**2
+
+
+def diverged(e: np.ndarray) -> np.ndarray:
+    """Which windows [windows] have errors [windows, HORIZONS, channels] that are no errors, of a car that is lost."""
+    return np.asarray(np.any(np.abs(e) >= LARGEST_ERROR, axis=(1, 2)))
+
+
+def given_up(part: np.ndarray, at: "_At", scales: np.ndarray, width: float) -> np.ndarray:
+    """What of the information [n, n] the loss takes back along the errors: it flattens where these are large.
+
+    The loss's own second derivative, of which as much as leaves no direction curved downwards. Without it a few windows
+    that hang on a parameter, beyond what the loss still follows, hold all steps short.
+
+    Args:
+        part: weighted derivatives [windows * HORIZONS * channels, n].
+    """
+    r = at.e / scales
+    squares = np.sum(r**2, axis=1)
+    mean = squares / r.shape[1]
+    share = np.minimum(4.0 * mean / (width + mean), 1.0)
+    along = np.einsum("whc,whcn->wcn", r, part.reshape(*r.shape, -1))
+    along *= np.sqrt(share / np.maximum(squares, 1e-30))[..., None]
+    along = along.reshape(-1, along.shape[-1])
+    return np.asarray(along.T @ along)
 
 
 @dataclasses.dataclass
@@ -97,10 +121,12 @@ class Criterion:
         steps = self.difference * np.array([u.unit for u in self.unknowns])
         signs = np.where(at.theta + steps <= self.bounds[1], 1.0, -1.0)
         moved = [at.theta + np.where(np.arange(len(steps)) == i, signs * steps, 0.0) for i in range(len(steps))]
-        columns = self.errors(*moved)
+        columns, lost = self.errors(*moved), diverged(at.e)
         for e, sign, step in zip(columns, signs, steps, strict=True):  # in place: logs may be long
+            none = lost | diverged(e)  # from one that ends to one that does not is no derivative
             e -= at.e
             e /= sign * step
+            e[none] = 0.0
         return np.stack(columns, axis=-1)
 
     def minimised(self, at: _At, scales: np.ndarray, width: float) -> tuple[_At, np.ndarray]:
@@ -112,7 +138,7 @@ class Criterion:
             part = part.reshape(-1, len(at.theta))
             rest = (at.e / scales * np.sqrt(at.weights)[:, None, :]).ravel()
             information = part.T @ part
-            hessian = self.hessian(information)
+            hessian = self.hessian(information - given_up(part, at, scales, width))
             gradient = self.evidence * part.T @ rest + at.theta / self.prior**2
             better, damping = None, max(damping / 5.0, 1e-6)
             while better is None and damping < 1e3:
@@ -165,8 +191,9 @@ def robust_fit(
 def bounded_step(
     hessian: np.ndarray, gradient: np.ndarray, theta: np.ndarray, low: np.ndarray, high: np.ndarray, damping: float
 ) -> np.ndarray:
-    """Damped Newton step [n] within bounds; what would leave through a bound that it is at stays there."""
-    free = np.ones(len(theta), dtype=bool)
+    """Damped Newton step [n] within bounds; what would leave through a bound that it is at stays there, and so does
+    what nothing depends on (a limit that no drive reaches, without a prior)."""
+    free = np.diag(hessian) > 0.0
     step = np.zeros(len(theta))
     for _ in range(len(theta)):
         step[:] = 0.0

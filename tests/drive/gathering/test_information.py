@@ -6,7 +6,7 @@ from control_problems import check_against_referees, check_curvature, check_grad
 from scipy.linalg import block_diag
 
 from drift_drake.drive.gathering.config import GatheringConfig
-from drift_drake.drive.gathering.information import InformationCost, StageInformation, UpdatedInformation
+from drift_drake.drive.gathering.information import InformationCost, StageInformation, UpdatedInformation, bent
 from drift_drake.drive.learnt.checkpoint import BayesianModel
 from drift_drake.drive.learnt.features import features, network_inputs
 from drift_drake.drive.learnt.posterior import state_blocks, update, weighed
@@ -91,6 +91,19 @@ def test_a_weighed_covariance_gives_what_weighed_samples_tell(model: BayesianMod
 def test_the_derivatives_are_exact(model: BayesianModel, updated: bool) -> None:
     check_gradient(cost(model, updated), 1e-5)
     check_curvature(cost(model, updated))
+
+
+def test_traces_of_any_number_of_stages_are_those_of_the_matrices() -> None:
+    """tr(L D_a A D_b'), L of each stage, with each state's row of D in that state's place."""
+    generator, count = np.random.default_rng(5), 7
+    tangents, left = generator.normal(size=(count, 10, 4, 16)), generator.normal(size=(count, 4, 4))
+    matrix = generator.normal(size=(64, 64))
+    left, matrix = left + left.swapaxes(1, 2), matrix + matrix.T
+    found = bent(tangents, (left, matrix))
+    for n in range(count):
+        d = [block_diag(*(row[None] for row in one)) for one in tangents[n]]
+        expected = [[np.trace(left[n] @ a @ matrix @ b.T) for b in d] for a in d]
+        np.testing.assert_allclose(found[n], expected, rtol=1e-9, atol=1e-9)
 
 
 def test_a_models_further_states_carry_no_information(model: BayesianModel) -> None:

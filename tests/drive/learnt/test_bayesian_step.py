@@ -177,6 +177,17 @@ def test_an_offset_moves_the_learnt_states_and_what_follows_from_them(network: N
     np.testing.assert_array_equal(again, model.step(x, u, u_next, curvature))
 
 
+def test_two_numbers_after_an_offset_are_the_lags_of_steering_and_torque(
+    physical_network: Network, theta: np.ndarray
+) -> None:
+    x, u, u_next, curvature = horizon(10)
+    given = np.concatenate([theta.ravel(), np.zeros(4), OTHER_LAG])
+    found = model_of(physical_network, np.zeros((4, 16))).with_theta(given)
+    np.testing.assert_array_equal(found.lag, OTHER_LAG)
+    expected = model_of(physical_network._replace(lag=tuple(OTHER_LAG)), theta).step(x, u, u_next, curvature)
+    np.testing.assert_allclose(found.step(x, u, u_next, curvature), expected, rtol=0, atol=1e-12)
+
+
 def test_trapezoid_follows_a_circle_that_euler_leaves(network: Network) -> None:
     # A body that turns steadily along a circle must stay on a path of that circle; the learnt part is set to say so.
     radius, v, beta = 18.0, 11.0, -0.5

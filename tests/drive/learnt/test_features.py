@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from drift_drake.drive.learnt.command_lag import LAGGED
 from drift_drake.drive.learnt.features import (
     FEATURE_COUNT,
     HIDDEN_COUNT,
@@ -55,6 +56,14 @@ def test_inputs_are_states_commands_and_lagged_commands() -> None:
     np.testing.assert_array_equal(z, [0, 1, 2, 3, 10, 11, 12, 13, 6, 7])  # of the path's e and dphi nothing
     batch = network_inputs(np.tile(x, (2, 3, 1)), np.tile(u, (2, 3, 1)), np.tile(u_next, (2, 3, 1)))
     np.testing.assert_array_equal(batch, np.tile(z, (2, 3, 1)))
+
+
+def test_commands_are_scaled_alike_at_both_ends_of_a_step_and_behind_the_lags() -> None:
+    """Else a command that is held would look like one that changes."""
+    x, u = np.arange(8.0), np.array([0.2, 90.0])
+    x[LAGGED] = u
+    scaled = (network_inputs(x, u, u) - INPUT_OFFSET) / INPUT_SCALE
+    np.testing.assert_array_equal(scaled[4:].reshape(3, 2), np.tile(scaled[4:6], (3, 1)))
 
 
 def test_the_papers_network_alone_does_not_hear_the_lagged_commands(

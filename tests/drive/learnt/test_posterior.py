@@ -195,6 +195,15 @@ def test_recursion_equals_batch_regression_after_thousands_of_updates(prior: Pos
     assert_believes(update_all(prior, SIGMA, phi, y, WEIGHT), mean, covariance, 1e-9)
 
 
+def test_an_update_loses_no_digits_where_next_to_nothing_was_known() -> None:
+    """A variance of 1e10, of which one feature's sample leaves about one: a difference of both would be off by 1e-6."""
+    phi, own = np.zeros((4, 16)), 5 + 16 * np.arange(4)
+    phi[:, 5] = [3.0, 0.7, 1.1, 0.3]
+    broad = Posterior(np.zeros((4, 16)), 1e10 * np.eye(64), np.zeros((4, 16)))
+    left = update(broad, SIGMA, phi, np.zeros(4)).covariance
+    np.testing.assert_allclose(left[own, own], 1.0 / (1e-10 + phi[:, 5] ** 2), rtol=1e-12)
+
+
 def test_samples_of_one_state_move_the_others_as_the_conditional_says(prior: Posterior, apart: Posterior) -> None:
     generator = np.random.default_rng(9)
     phi, y = correlated_features(6, generator), 0.5 * generator.normal(size=(6, 4))

@@ -12,6 +12,7 @@ from drift_drake.drive.learnt.command_lag import lagged_commands
 from drift_drake.drive.learnt.features import features, network_inputs
 from drift_drake.drive.learnt.posterior import state_blocks, update
 from drift_drake.drive.learnt.quality import (
+    SAMPLE_WEIGHTS,
     adapted,
     choose_sample_weight,
     learn,
@@ -148,6 +149,11 @@ def test_learning_weighs_each_state_by_its_own_weight(random_model: BayesianMode
     np.testing.assert_allclose(found.covariance, expected.covariance, rtol=0, atol=1e-9)
     again = learn(random_model, adapted(random_model, few.where(np.arange(20) < 7)), few.where(np.arange(20) >= 7))
     np.testing.assert_allclose(again.mean, found.mean, rtol=0, atol=1e-9)
+
+
+def test_a_sample_counts_in_full_at_the_most() -> None:
+    assert SAMPLE_WEIGHTS[0] == 1.0
+    assert (np.diff([*SAMPLE_WEIGHTS, 0.0]) < 0.0).all()
 
 
 def test_a_right_model_is_given_full_weight_and_a_wrong_one_less(full_weight: BayesianModel, believed: Samples) -> None:

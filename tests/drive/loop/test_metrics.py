@@ -78,6 +78,18 @@ def test_a_car_that_turned_round_is_judged_until_it_began_to_turn(reference: Ref
     assert spun.completion == pytest.approx(table["s"].max() / reference.distance)
 
 
+def test_a_car_that_heads_backwards_for_less_than_half_a_second_has_just_begun_to_spin(reference: Reference) -> None:
+    table = on_the_reference(reference).assign(t=0.01 * np.arange(2000), beta=0.0, dphi=0.0)
+    for first, rows in ((1960, 2000), (1940, 1940)):  # for 0.39 s and 0.59 s, without sideslip
+        assert len(before_spin(table.assign(dphi=np.where(table.index < first, 0.0, 3.0)), 0.6)) == rows
+
+
+def test_a_run_beyond_the_end_of_the_reference_is_complete(reference: Reference) -> None:
+    table = on_the_reference(reference)
+    table.loc[1999, "s"] += 5.0
+    assert run_metrics(table, "completed", reference, PARAMETERS.steering_limit).completion == 1.0
+
+
 def test_drifting_counts_the_steady_drifts_wanted(reference: Reference) -> None:
     table = on_the_reference(reference)
     assert drifting_share(table.assign(beta=0.6 * table["beta"]), reference) == 1.0
@@ -122,6 +134,13 @@ def test_numbers_of_a_run_by_hand(reference: Reference) -> None:
     assert metrics.solve_ms_median == pytest.approx(4.5)
     assert metrics.solve_ms_99 == pytest.approx(10.0 + 0.93 * 2.0)  # 0.99 of the way through eight
     assert metrics.faults() == ""
+
+
+@pytest.mark.parametrize(("seconds", "late"), [(0.009995, 0), (0.010005, 1)])
+def test_a_solve_is_late_by_any_time_over_the_period(reference: Reference, seconds: float, late: int) -> None:
+    table = made_up(reference)
+    table["solve_seconds"] = np.where(table.index == 7, seconds, 0.001)
+    assert run_metrics(table, "completed", reference, PARAMETERS.steering_limit).late_solves == late
 
 
 def test_faults_of_the_loop_are_counted_by_kind(reference: Reference) -> None:

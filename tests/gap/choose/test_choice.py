@@ -167,6 +167,7 @@ EACH = {f"one+{name}": 2.0 + i for i, name in enumerate(ONE_MORE)}
     [
         # One more effect explains it: the best of these.
         ({"one+" + ONE_MORE[2]: 0.9}, 0, "one+" + ONE_MORE[2], 0.9, ""),
+        ({"one+" + ONE_MORE[1]: 1.0}, 0, "one+" + ONE_MORE[1], 1.0, ""),
         # A double-track car does.
         ({"two": 0.8}, 1, "two", 0.8, ""),
         # One with sensors that are off does, where that is far nearer; two unknowns more are nearer in any case.

@@ -203,3 +203,10 @@ def test_innovations_that_are_no_numbers_or_too_few_are_not_white(monkeypatch: p
     said = Whiteness(30.0, 0.456).sentence()
     assert "(mean square 30, correlation from row to row 0.46)" in said
     assert not Whiteness(NEAR, 0.0).may_be_white
+
+
+def test_three_rows_are_enough_for_a_correlation(monkeypatch: pytest.MonkeyPatch) -> None:
+    """1, -1 and 1 are 2/3, -4/3 and 2/3 about their mean: -16/9 from row to row, of 24/9."""
+    found = innovations_of(monkeypatch, [np.array([[9.0] * 3, [1.0] * 3, [-1.0] * 3, [1.0] * 3])])
+    assert found.correlation == pytest.approx(2.0 / 3.0)
+    assert found.mean_square == pytest.approx(1.0 / chi2.ppf(0.5, 1), rel=1e-3)

@@ -9,7 +9,7 @@ from table_dialects import CLOCKS, COUNT, NAMES, SIGNALS, assert_the_drive, colu
 
 from drift_drake.gap.logs.importing.clocks import clock_of, seconds, time_unit
 from drift_drake.gap.logs.importing.formats.files import InvalidRecordingError
-from drift_drake.gap.logs.importing.formats.times import clock_seconds, seconds_of
+from drift_drake.gap.logs.importing.formats.times import clock_seconds, seconds_of, with_times
 from drift_drake.gap.logs.importing.formats.topics import Topic
 from drift_drake.gap.logs.importing.importer import import_recordings
 from drift_drake.gap.logs.importing.look import look
@@ -177,3 +177,10 @@ def test_times_of_a_zone_are_since_1970_in_universal_time(zone, hours):
     at = datetime.datetime(2024, 5, 1, 12, 0, tzinfo=datetime.timezone(datetime.timedelta(hours=hours)))
     found = seconds_of(pd.Series([f"2024-05-01T12:00:0{second}{zone}" for second in range(3)]))
     np.testing.assert_array_equal(found, at.timestamp() + np.arange(3.0))
+
+
+def test_a_stamp_behind_other_columns_is_one_clock():
+    stamps = {"stamp.sec": [1714557600, 1714557601], "stamp.nanosec": [750000000, 250000000]}
+    joined, clocks = with_times(pd.DataFrame({"seq": [7, 8]} | stamps))
+    assert clocks == ["stamp.sec"]
+    assert joined["stamp.sec"].tolist() == [1714557600.75, 1714557601.25]

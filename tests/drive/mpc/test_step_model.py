@@ -102,7 +102,7 @@ def test_many_stages_are_stepped_as_each_alone() -> None:
     np.testing.assert_array_equal(together, alone)
 
 
-@pytest.mark.parametrize("name", ["steering_delay", "road_grade", "gyro_bias", "sensor_latency"])
+@pytest.mark.parametrize("name", ["steering_delay", "gyro_bias", "sensor_latency"])
 def test_effects_beyond_a_one_step_model_are_refused(name: str) -> None:
     with pytest.raises(ValueError, match=f"{name} cannot be part of a one-step model"):
         EffectsStepModel(PARAMETERS, make_effects({name: 0.03}))

@@ -44,6 +44,8 @@ def test_a_horizon_is_the_reference_at_its_own_pace(references: dict[str, Refere
         np.testing.assert_allclose(found.x_ref, reference.state(found.s), atol=1e-12)
         turned = np.diff(reference.path.heading(found.s))
         np.testing.assert_allclose(found.curvature * np.diff(found.s), turned, atol=5e-4)  # the grid is linear
+        middle = reference.path.heading(0.5 * (found.s[1:] + found.s[:-1]))
+        np.testing.assert_allclose(np.cos(found.heading - middle), 1.0, atol=1e-4)
 
 
 def test_nowhere_there_is_nothing(references: dict[str, Reference]) -> None:

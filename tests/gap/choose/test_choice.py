@@ -29,16 +29,16 @@ from drift_drake.gap.choose.choice import (
 from drift_drake.gap.choose.identified import BIASES, ONE_MORE, IdentifiedCar
 
 CAR = VehicleParameters()
-PLAIN, SLOPED = IdentifiedCar(CAR, Effects()), IdentifiedCar(CAR, Effects(road_grade=0.05))
+PLAIN, EARLY = IdentifiedCar(CAR, Effects()), IdentifiedCar(CAR, Effects(command_clock_error=0.05))
 
 
 @pytest.mark.parametrize(
     ("found", "believed", "said"),
     [
         (Findings(PLAIN, 1.0), "identified", "drive with the identified car: half a second ahead"),
-        (Findings(SLOPED, 1.0), "adapting", "identified with road_grade 0.05"),
+        (Findings(EARLY, 1.0), "adapting", "identified with command_clock_error 0.05"),
         (Findings(PLAIN, 1.01, surprise=2.0), "hybrid", "learn what it leaves over (HybridStepModel)"),
-        (Findings(SLOPED, 1.01, surprise=2.0), "hybrid", "HybridStepModel"),
+        (Findings(EARLY, 1.01, surprise=2.0), "hybrid", "HybridStepModel"),
         (Findings(PLAIN, 1.01, surprise=2.01), "adapting", "no model is known to hold for this car"),
         (Findings(PLAIN, 0.5, ("gentle", "small")), "adapting", "no model is believed on these drives: gentle; small"),
         (Findings(None), "adapting", "or gather more; no car was identified"),

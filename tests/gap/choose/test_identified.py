@@ -243,11 +243,13 @@ def test_a_delay_of_the_steering_is_identified_and_planned_with_as_a_lag(
 
 
 def test_what_no_controller_can_make_up_for_is_named() -> None:
-    uphill = IdentifiedCar(VehicleParameters(), make_effects({"road_grade": 0.04, "steering_lag": 0.05}))
-    choice = Choice(Findings(uphill, 0.01), 0.012)
+    early = IdentifiedCar(VehicleParameters(), make_effects({"command_clock_error": 0.04, "steering_lag": 0.05}))
+    choice = Choice(Findings(early, 0.01), 0.012)
     assert choice.believed == "adapting"
-    assert choice.sentence().startswith("the car is identified with road_grade 0.04 rad, which a controller does not")
-    assert uphill.step_model().follows_at_once().any()  # with what acts on the motion alone
+    assert choice.sentence().startswith("the car is identified with command_clock_error 0.04 s, which a controller")
+    assert early.step_model().follows_at_once().any()  # with what acts on the motion alone
+    uphill = IdentifiedCar(VehicleParameters(), make_effects({"road_grade": 0.04}))
+    assert (uphill.beyond, uphill.step_model().headed) == ((), True)
     late = IdentifiedCar(VehicleParameters(), make_effects({"sensor_latency": 0.04, "steering_rate_limit": 0.6}))
     assert (late.beyond, sensor_errors(late.effects)) == ((), Effects(sensor_latency=0.04))
     assert late.step_model().effects.steering_rate_limit == pytest.approx(0.54)  # less than it may have

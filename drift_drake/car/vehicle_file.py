@@ -87,7 +87,7 @@ def check_plausible(p: VehicleParameters, source: str = "vehicle") -> None:
     for name, value in vars(p.tolerance).items():
         if value > LARGEST_TOLERANCE:
             raise InvalidVehicleError(
-                f"{source}: tolerance.{name} is {value:g}; give a standard deviation below {LARGEST_TOLERANCE:g}"
+                f"{source}: tolerance.{name} is {value:g}; give a standard deviation of {LARGEST_TOLERANCE:g} at most"
             )
 
 

@@ -156,7 +156,7 @@ def test_the_sentence_has_how_soon_a_car_settles() -> None:
 
 def test_a_tolerance_is_a_standard_deviation_of_ten_at_most() -> None:
     assert not refused(P.replace(tolerance=Tolerance(mass=9.99)))
-    words = "vehicle: tolerance.mass is 10.01; give a standard deviation below 10"
+    words = "vehicle: tolerance.mass is 10.01; give a standard deviation of 10 at most"
     assert refused(P.replace(tolerance=Tolerance(mass=10.01))) == words
 
 

@@ -25,7 +25,7 @@ def estimate_offset(t: Array, z: Array, t_ref: Array, ref: Array, start: float, 
     """The offset between two clocks from one motion that both saw: z(t) is then most like gain * ref(t + offset).
 
     By least squares with a constant. The standard deviation is that of a nonlinear least squares with errors
-    correlated within blocks of 1 s (or longer ones, where less than ten would fit), so it holds for coloured noise and
+    correlated within blocks of 1 s (or shorter ones, where less than ten would fit), so it holds for coloured noise and
     for a reference that is not quite alike.
 
     Args:

@@ -73,6 +73,11 @@ def test_an_own_diagram_holds_course_and_speed() -> None:
     assert abs(v - 15.0) < 1.0
 
 
+def test_an_own_kind_of_car_turns_less_the_more_it_scrubs() -> None:
+    little, much = example("cars/kart").main()
+    assert much - little == pytest.approx(-45.0 / 22.0)  # [N m s] of one [rad/s] over the yaw inertia
+
+
 def test_an_own_tyre_has_a_curve_of_its_own() -> None:
     smooth, brush = example("own_tyre").main()
     assert (smooth[1:] != brush[1:]).all()

@@ -7,13 +7,13 @@ from other_package import ROOT, install_package, refusal, run
 
 from drift_drake.car.installed_cars import installed_cars
 
-EXAMPLE = (ROOT / "examples" / "own_car_kind.py").read_text()
+EXAMPLE = (ROOT / "examples" / "cars" / "kart.py").read_text()
 FLAWED = """
 import dataclasses
 
 import numpy as np
 
-from own_car_kind import KART, KartParameters, rates
+from kart import KART, KartParameters, rates
 
 def hot(z, command, car, out):
     rates(z, command, car, out)
@@ -45,7 +45,7 @@ from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import LogVectorOutput, TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial
 
-from own_car_kind import KART, KartParameters
+from kart import KART, KartParameters
 from drift_drake.car.car_file import read_car
 from drift_drake.car.effects.magnitudes import Effects, make_effects
 from drift_drake.car.equations import EQUATIONS, folded_into
@@ -99,7 +99,7 @@ print("fine")
 
 
 def test_a_kind_of_another_package_is_read_driven_and_predicted(tmp_path: Path) -> None:
-    install_package(tmp_path, "own_car_kind", EXAMPLE, "cars", {"kart": "KART"})
+    install_package(tmp_path, "kart", EXAMPLE, "cars", {"kart": "KART"})
     (tmp_path / "known.py").write_text(KNOWN)
     done = run(tmp_path, "known.py", jit=True)
     assert done.stdout == "fine\n", done.stderr[-3000:]
@@ -122,7 +122,7 @@ def test_a_kind_of_another_package_is_read_driven_and_predicted(tmp_path: Path) 
 def test_one_that_cannot_be_used_is_named(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str, attribute: str, says: str
 ) -> None:
-    (tmp_path / "own_car_kind.py").write_text(EXAMPLE)
+    (tmp_path / "kart.py").write_text(EXAMPLE)
     install_package(tmp_path, "flawed", FLAWED, "cars", {name: attribute})
     monkeypatch.setenv("DRIFT_DRAKE_TRYING", "1")  # what a trial in a process of its own says is said here
     said = refusal("flawed", tmp_path, installed_cars.__wrapped__)
@@ -133,6 +133,6 @@ def test_one_that_cannot_be_used_is_named(
 def test_what_numba_cannot_compile_is_refused_before_it_is_used(tmp_path: Path) -> None:
     source = EXAMPLE.replace("    return p.rear_stiffness", "    assert {}.get(1) is None\n    return p.rear_stiffness")
     assert source != EXAMPLE
-    install_package(tmp_path, "own_car_kind", source, "cars", {"kart": "KART"})
+    install_package(tmp_path, "kart", source, "cars", {"kart": "KART"})
     done = run(tmp_path, "-c", "import drift_drake.car.equations", jit=True)
-    assert "car kart (own_car_kind:KART): numba cannot compile its functions" in done.stderr
+    assert "car kart (kart:KART): numba cannot compile its functions" in done.stderr

@@ -1,7 +1,7 @@
 """Your own kind of car: its parameters and its equations, which a package of yours names in its pyproject.toml:
 
     [project.entry-points."drift_drake.cars"]
-    kart = "my_package.own_car_kind:KART"
+    kart = "my_package.kart:KART"
 
 Once that is installed, a vehicle file may hold `kart:`, and such a car is calibrated, diagnosed, watched and driven.
 """

@@ -158,7 +158,7 @@ def test_a_brush_car_is_another_for_each_vehicle_and_known_to_its_oracle(tmp_pat
     )
     assert isinstance(loop.controller, MpcController)
     assert isinstance(loop.controller.mpc.model, EquationsStepModel)
-    assert loop.controller.mpc.model.car == brush.car(1)
+    assert loop.controller.mpc.model.parameters == brush.car(1)
 
 
 @pytest.mark.parametrize("vehicle", [VehicleParameters().replace(mass=1700.0), CARS["saloon"]])

@@ -47,13 +47,17 @@ class EquationsStepModel(RememberingStepModel):
     A transport delay is beyond it, as are the sensors' effects. What depends on the heading (a road's grade) takes that
     of the path from `along`.
 
+    Args:
+        parameters: the car without effects; effects: magnitudes; dt: of a step [s].
+
     Raises:
         ValueError: such an effect, or more than `MOST_OWN` own states.
         InvalidVehicleError: an effect that this car cannot have.
     """
 
-    def __init__(self, parameters: CarParameters, effects: Effects = Effects()) -> None:
+    def __init__(self, parameters: CarParameters, effects: Effects = Effects(), dt: float = STEP) -> None:
         check_one_step(effects)
+        self.dt = dt
         self.parameters, self.constants, self.effects = parameters, parameters.constants(), effects
         self._kind = kind_of(self.constants)
         check_supported(self.constants, effects)
@@ -64,19 +68,19 @@ class EquationsStepModel(RememberingStepModel):
         self._differences = np.full(len(self._places) + 3, DIFFERENCE)
         self._differences[self._places] *= np.concatenate([STATE_SCALE, self.internal_scale])
         self._differences[-2:] *= INPUT_SCALE
-        self.substeps = 2 * math.ceil(max(LEAST_SUBSTEPS, STEP * self._fastest() / ACCURATE) / 2)  # even, in pairs
+        self.substeps = 2 * math.ceil(max(LEAST_SUBSTEPS, dt * self._fastest() / ACCURATE) / 2)  # even, in pairs
 
     def with_effects(self, effects: Effects) -> "EquationsStepModel":
-        return EquationsStepModel(self.parameters, effects)
+        return EquationsStepModel(self.parameters, effects, self.dt)
 
     def step(self, x: Array, u: Array, u_next: Array, curvature: Array) -> Array:
-        return self._after(x, u, u_next, curvature, STEP, self.substeps)
+        return self._after(x, u, u_next, curvature, self.dt, self.substeps)
 
     def linearize(self, x: Array, u: Array, u_next: Array, curvature: Array) -> tuple[Array, Array, Array, Array]:
         z, n = self._of_equations(x), x.shape[1]
         path, sensitivity = np.empty((self.substeps, *z.shape)), np.empty((len(x), n, n + 4))
         given = contiguous(u, u_next, curvature)
-        car = (self.constants, self.effects, STEP)
+        car = (self.constants, self.effects, self.dt)
         _paths(z, *given, *car, 1, path)
         _sensitivities(path, *given, *car, self._differences, self._places, sensitivity)
         by_x, by_u, by_u_next = np.split(sensitivity, [n, n + 2], axis=2)
@@ -90,7 +94,7 @@ class EquationsStepModel(RememberingStepModel):
         return z[5:]
 
     def run_on(self, x: Array, u: Array, u_next: Array, duration: float) -> Array:
-        substeps = math.ceil(self.substeps * duration / STEP)
+        substeps = math.ceil(self.substeps * duration / self.dt)
         car = self.with_effects(self.unheaded()) if self.headed else self
         return car._after(x[None], u[None], u_next[None], np.zeros(1), duration, substeps)[0]
 

@@ -21,8 +21,8 @@ def known_car_model(
 ) -> EffectsStepModel | EquationsStepModel:
     """The car of any kind with what of its effects can be planned with (`internal_states.planned_with`).
 
-    dt: [s] of a step of a single-track car; one of another kind has its own.
+    dt: [s] of a step.
     """
     if isinstance(vehicle, VehicleParameters):
         return EffectsStepModel(vehicle, planned_with(effects), dt)
-    return EquationsStepModel(vehicle, planned_with(effects))
+    return EquationsStepModel(vehicle, planned_with(effects), dt)

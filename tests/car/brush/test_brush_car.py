@@ -16,6 +16,7 @@ from drift_drake.car.car_file import read_car
 from drift_drake.car.effects.magnitudes import Effects
 from drift_drake.car.equations_plant import EquationsPlant
 from drift_drake.car.equations_step import EquationsStepModel
+from drift_drake.car.known_car import known_car_model
 from drift_drake.car.parameters import InvalidVehicleError
 from drift_drake.car.vehicle_file import read_vehicle, write_vehicle
 
@@ -64,6 +65,17 @@ def test_its_step_is_the_plants_motion_with_its_slopes() -> None:
     _, *differences = super(EquationsStepModel, model).linearize(x, u, u_next, curvature)
     for found, wanted in zip((by_x, by_u, by_u_next), differences, strict=True):
         np.testing.assert_allclose(found, wanted, rtol=0.05, atol=0.01 * np.abs(wanted).max())
+
+
+def test_a_step_is_as_long_as_it_is_asked_to_be() -> None:
+    """A small car's plan has short steps: as the motion of a long step's model over that time."""
+    car = known_car_model(CAR, EFFECTS, 0.04)
+    assert car.dt == car.with_effects(EFFECTS).dt == 0.04
+    x, u, u_next = np.array([[0.7, 12.7, -0.5, 17.0, 0.2, 0.05]]), np.array([[-0.4, 168.0]]), np.array([[-0.35, 190.0]])
+    x = np.hstack([x, car.settled(x[0, :4], u[0])[None]])
+    expected = EquationsStepModel(CAR, EFFECTS).run_on(x[0], u[0], u_next[0], 0.04)
+    np.testing.assert_allclose(car.step(x, u, u_next, np.zeros(1))[0], expected, rtol=1e-4, atol=1e-5)
+    np.testing.assert_allclose(car.linearize(x, u, u_next, np.zeros(1))[0][0], expected, rtol=1e-4, atol=1e-5)
 
 
 def test_a_file_is_read_back_to_the_same_car(tmp_path: Path) -> None:

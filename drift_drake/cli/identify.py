@@ -14,7 +14,7 @@ from drift_drake.common.errors import significant, unit_suffix
 from drift_drake.common.interruption import ended_at_once
 from drift_drake.common.safe_files import try_outputs, write_text
 from drift_drake.common.standard_output import STANDARD_OUTPUT, command_line, progress_bar, said_to, write_results
-from drift_drake.gap.identification.options import EFFECTS, KNOWN, CarKind, Criterion
+from drift_drake.gap.identification.options import EFFECTS, KNOWN, AskedKind, Criterion
 
 if TYPE_CHECKING:
     from drift_drake.gap.identification.calibration import Identification, Parameter
@@ -48,9 +48,9 @@ class Identify:
     criterion: Criterion = "auto"
     """Criterion of the fit: the filter's likelihood, exact where innovations are white, or prediction errors half a
     second ahead; auto chooses by the logs, and says which."""
-    car: CarKind = "auto"
+    car: AskedKind = "auto"
     """Kind of car, with the criterion prediction: auto fits both kinds, takes the double-track car where it predicts
-    held-out parts better, and says which."""
+    held-out parts better, and says which; a car of another kind in the vehicle file is calibrated as it is."""
     validation: tuple[str, ...] = ()
     """Runs that nothing is fitted to, and that the car is judged by: NAME, or NAME:START-END [s] for a part of one
     (DAY/NAME where several folders are given). Without it, every fourth 1.5 s of all runs is held out for that."""

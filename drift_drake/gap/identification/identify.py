@@ -31,7 +31,7 @@ from drift_drake.gap.identification.by_prediction import PredictionFit, fit_by_p
 from drift_drake.gap.identification.calibration import Calibration, Identification
 from drift_drake.gap.identification.driving import CIRCLES, ONE_RECORDING, SLIPPERY, STEPS, driving_of
 from drift_drake.gap.identification.estimate import check_effect_names, whiteness
-from drift_drake.gap.identification.options import EFFECTS, KNOWN, CarKind, Criterion
+from drift_drake.gap.identification.options import EFFECTS, KNOWN, AskedKind, Criterion
 from drift_drake.gap.identification.stated import Asked, held_still, kept_at_first_guess, stated_in_full
 from drift_drake.gap.identification.validation import split
 from drift_drake.gap.monitoring.baselines import learn_baseline
@@ -44,7 +44,7 @@ FURTHER = fitted("further")
 def identify(
     logs: Logs | Sequence[str | Path], vehicle: Vehicle, *, known: Sequence[str] = KNOWN,
     effects: Sequence[str] = EFFECTS, criterion: Criterion = "auto", stated: Mapping[str, float] | None = None,
-    case: str | None = None, car: CarKind = "auto", force: bool = False, watching: bool = True,
+    case: str | None = None, car: AskedKind = "auto", force: bool = False, watching: bool = True,
     validation: Sequence[str] = (), progress: Progress | None = None,
 ) -> Identification:  # fmt: skip
     """Calibrates a car on logs: parameters, tolerances, lags, and what the logs cannot identify.
@@ -138,7 +138,7 @@ def for_validation(runs: Sequence[Run], first: CarParameters) -> tuple[Run, ...]
         raise InvalidLogError(f"validation: {error}") from None
 
 
-def first_of_kind(first: CarParameters, kind: CarKind) -> CarParameters:
+def first_of_kind(first: CarParameters, kind: AskedKind) -> CarParameters:
     """The first guess; of another car than a simulator the nearest single-track one, where that is asked for."""
     return first.single_track() if kind == "single-track" and not isinstance(first, SimulatorCar) else first
 

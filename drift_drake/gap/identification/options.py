@@ -2,7 +2,7 @@
 
 from typing import Literal
 
-CarKind = Literal["auto", "single-track", "double-track"]
+AskedKind = Literal["auto", "single-track", "double-track"]
 Criterion = Literal["auto", "likelihood", "prediction"]
 KNOWN = ("mass", "wheel_radius")  # scales and a tape measure know them better than any drive
 EFFECTS = ("steering_lag", "torque_lag", "rolling_resistance", "aero_drag", "front_rear_friction_split")

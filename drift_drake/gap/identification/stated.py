@@ -20,7 +20,7 @@ from drift_drake.gap.identification.by_prediction import PredictionFit
 from drift_drake.gap.identification.calibration import Calibration, Identification, Parameter, directions, tied
 from drift_drake.gap.identification.estimate import Trust
 from drift_drake.gap.identification.held_out import HeldOut
-from drift_drake.gap.identification.options import EFFECTS, KNOWN, CarKind, Criterion
+from drift_drake.gap.identification.options import EFFECTS, KNOWN, AskedKind, Criterion
 from drift_drake.gap.identification.outlook import TIMES
 
 EFFECT_OF = {tolerance: name for name, tolerance in TOLERANCE_OF.items()}
@@ -40,7 +40,7 @@ class Asked:
     stated: Mapping[str, float] | None = None  # noise levels that are known otherwise (`make_problem`)
     criterion: Criterion = "auto"
     tolerances: frozenset[str] = frozenset()  # that the vehicle file states: prediction believes them, times two
-    kind: CarKind = "auto"
+    kind: AskedKind = "auto"
     force: bool = False
     unseen: tuple[str, ...] | None = None
     """Parameters (names of tolerances) that stay as they are; None: those that the drives cannot show."""

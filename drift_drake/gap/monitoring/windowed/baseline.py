@@ -188,7 +188,7 @@ def window_monitor(
     constants = vehicle.constants()
     if tuple(kind_of(constants).deviations) != normal.of_kind:
         raise InvalidBaselineScoresError(
-            "the calibration is of another kind of car (single-track, double-track or a simulator) than the vehicle "
+            "the calibration is of another kind of car (single-track, double-track, brush, a simulator) than the vehicle "
             "file; give the two that one 'identify' wrote"
         )
     single = vehicle.single_track()

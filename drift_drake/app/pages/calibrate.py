@@ -25,7 +25,7 @@ from drift_drake.app.project import CALIBRATED, CALIBRATION, CALIBRATION_REPORT,
 from drift_drake.app.recordings import Recordings
 from drift_drake.common.errors import DriftDrakeError, significant
 from drift_drake.common.plain_files import read_json
-from drift_drake.gap.identification.options import CarKind, Criterion
+from drift_drake.gap.identification.options import AskedKind, Criterion
 
 HEAD = ("parameter", "first guess", "estimate", "95 % interval", "note")
 KINDS = {"known": "held by its tolerance", "unseen": "kept: not shown by these drives"}
@@ -39,7 +39,7 @@ def calibrate_page(project: Project, _readings: Recordings, jobs: Jobs, data: di
         days = stages.baseline(project, data)
         text("p", f"On {', '.join(days)} (chosen under Logs)." if days else "No day yet (Logs).", "note")
         with box("div", "fields"):
-            for key, label, kinds in (("car", "kind of car", CarKind), ("criterion", "judged by", Criterion)):
+            for key, label, kinds in (("car", "kind of car", AskedKind), ("criterion", "judged by", Criterion)):
                 options = {"": "auto", **{one: one for one in get_args(kinds) if one != "auto"}}
                 choice(label, options, str(data["options"].get(key, "")), partial(project.set_option, key))
         run_button(stage, jobs, data, "Calibrate")

@@ -275,8 +275,8 @@ def search_of(
     """
     if tuple(kind_of(vehicle.constants()).deviations) != normal.of_kind:
         raise InvalidVehicleError(
-            f"{case}: the calibration is of another kind of car (single-track, double-track, brush, a simulator) than the "
-            "vehicle file; give the file that 'drift-drake identify' wrote with it (--out)"
+            f"{case}: the calibration is of another kind of car (single-track, double-track, brush, a simulator) than "
+            "the vehicle file; give the file that 'drift-drake identify' wrote with it (--out)"
         )
     if any(run.beta is None for run in runs):
         raise InvalidLogError(

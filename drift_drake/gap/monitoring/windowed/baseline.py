@@ -188,8 +188,8 @@ def window_monitor(
     constants = vehicle.constants()
     if tuple(kind_of(constants).deviations) != normal.of_kind:
         raise InvalidBaselineScoresError(
-            "the calibration is of another kind of car (single-track, double-track, brush, a simulator) than the vehicle "
-            "file; give the two that one 'identify' wrote"
+            "the calibration is of another kind of car (single-track, double-track, brush, a simulator) than the "
+            "vehicle file; give the two that one 'identify' wrote"
         )
     single = vehicle.single_track()
     nodes = [node for name in normal.names for node in effect_nodes(name, single)]

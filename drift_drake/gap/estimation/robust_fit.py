@@ -12,8 +12,9 @@ from functools import cached_property
 
 import numpy as np
 
+from drift_drake.gap.estimation.simulated_windows import LARGEST_ERROR
 from drift_drake.gap.estimation.unknowns import DIFFERENCE, Unknown, magnitudes
-from drift_drake.gap.estimation.windows import HORIZONS, LARGEST_ERROR
+from drift_drake.gap.estimation.windows import HORIZONS
 
 WIDTHS = (100.0, 30.0, 8.0)  # of the loss, in mean square errors over a window's robust scale, one after the other
 ROUNDS, STEPS = 6, 6  # of scales, and Levenberg-Marquardt steps in each

@@ -21,7 +21,7 @@ from drift_drake.common.arrays import Array, Index
 if TYPE_CHECKING:
     from drift_drake.gap.estimation.windows import WindowedRun
 
-LARGEST_ERROR = 1e3
+LARGEST_ERROR = 1e3  # of any channel, where a prediction diverges
 
 
 class _Part(NamedTuple):

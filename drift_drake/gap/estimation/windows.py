@@ -27,7 +27,7 @@ from drift_drake.gap.estimation.filter_state import CHANNELS
 from drift_drake.gap.estimation.followed import follow_by_steps, follow_in_lanes
 from drift_drake.gap.estimation.paired_windows import predict_in_pairs
 from drift_drake.gap.estimation.run_data import RunData, prepare_run
-from drift_drake.gap.estimation.simulated_windows import simulated_errors
+from drift_drake.gap.estimation.simulated_windows import LARGEST_ERROR, simulated_errors
 
 PREDICTED = ("r", "v", "beta", "omega_r", "psi")  # channels that are compared; psi by what it changes
 STATES = 4  # of these: r, v, beta, omega_r
@@ -44,7 +44,6 @@ BOUNDS = (STEP, STEPS_PER_RATE, MOST_STEPS)
 TOGETHER = LANES  # cars that a thread takes on at a time
 ASKED = 16  # cars at once whose roll-outs a simulator of the user's is asked for
 THREADS = 2
-LARGEST_ERROR = 1e3  # of any channel, where a prediction diverges
 
 
 @dataclasses.dataclass(frozen=True)

@@ -131,6 +131,12 @@ def test_it_is_readable_in_the_dark_and_its_hidden_controls_are_out_of_the_way(p
     page.close()
 
 
+# Evaluated once, it waits by itself: the page's policy forbids what Playwright's own waiting evaluates at each frame.
+PLAYING = """() => new Promise(done => {
+  const wait = () => viewer.animator.playing && viewer.animator.time > 0.2 ? done() : requestAnimationFrame(wait);
+  wait();
+})"""
+
 # How far a car's name is from where the car is drawn [px across], in the frame that is drawn next.
 OFF = """() => new Promise(done => {
   const draw = viewer.render.bind(viewer);
@@ -146,7 +152,7 @@ def test_names_go_with_the_cars_however_slowly_frames_are_drawn(perfect_run, tmp
     path = replay({"real": perfect_run.iloc[:200]}, tmp_path / "r.html", camera="overview")
     page = browser.new_page()
     page.goto(path.as_uri())
-    page.wait_for_function("viewer.animator.playing && viewer.animator.time > 0.2")
+    page.evaluate(PLAYING)
     assert page.evaluate(OFF) < 0.1
     page.close()
 

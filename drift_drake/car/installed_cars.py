@@ -11,15 +11,14 @@ import itertools
 import math
 from collections.abc import Callable
 from functools import cache
-from importlib.metadata import EntryPoint, entry_points
+from importlib.metadata import EntryPoint
 from typing import Any
 
 import numpy as np
 
-from drift_drake.car.effects.installed import loaded
 from drift_drake.car.effects.magnitudes import COUNT, Effects
 from drift_drake.car.effects.record import InvalidExtensionError
-from drift_drake.car.effects.trial import CARS, see_that_they_end
+from drift_drake.car.effects.trial import CARS, extensions, loaded, see_that_they_end
 from drift_drake.car.kind import CarKind
 from drift_drake.car.lanes import LANES, load_lanes
 from drift_drake.car.parameters import VehicleParameters
@@ -39,17 +38,10 @@ def installed_cars() -> tuple[CarKind, ...]:
     """Kinds of other packages, in the order of their names.
 
     Raises:
-        InvalidExtensionError: one cannot be imported, or is none.
+        InvalidExtensionError: one cannot be imported, or is none, or two have one name.
     """
-    points = _points()
-    see_that_they_end(points, f"{__name__}:{try_cars.__name__}")
-    return tuple(_checked(where, point) for where, point in points.items())
-
-
-def _points() -> dict[str, EntryPoint]:
-    """The entry points, by what messages call them."""
-    points = sorted(entry_points(group=CARS), key=lambda point: point.name)
-    return {f"car {point.name} ({point.value})": point for point in points}
+    see_that_they_end(CARS, try_cars)
+    return tuple(_checked(where, point) for where, point in extensions(CARS).items())
 
 
 def try_cars(begin: Callable[[str], None]) -> None:
@@ -61,7 +53,7 @@ def try_cars(begin: Callable[[str], None]) -> None:
     Raises:
         InvalidExtensionError: one cannot be used, or numba cannot compile it.
     """
-    for where, point in _points().items():
+    for where, point in extensions(CARS).items():
         begin(where)
         _see_that_it_compiles(where, _checked(where, point))
 

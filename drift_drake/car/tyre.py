@@ -12,13 +12,11 @@ gives along and across follows from the one length of the slip.
 import math
 from collections.abc import Callable
 from functools import cache
-from importlib.metadata import EntryPoint, entry_points
 from typing import Any, Protocol
 
-from drift_drake.car.effects.installed import loaded
 from drift_drake.car.effects.record import InvalidExtensionError
 from drift_drake.car.effects.trial import TYRES as TYRE_POINTS
-from drift_drake.car.effects.trial import see_that_they_end
+from drift_drake.car.effects.trial import extensions, loaded, see_that_they_end
 from drift_drake.car.scalar import jitable, norm2, select
 from drift_drake.common.errors import one_line
 
@@ -83,20 +81,14 @@ def installed_tyres() -> dict[str, Callable[..., Any]]:
     """Tyres of other packages by name, in the order of their names.
 
     Raises:
-        InvalidExtensionError: one cannot be imported, or is none.
+        InvalidExtensionError: one cannot be imported, or is none, or two have one name.
     """
-    points = _points()
+    points = extensions(TYRE_POINTS)
     for where, point in points.items():
         if point.name == "brush":
             raise InvalidExtensionError(f"{where}: brush is there already; give yours another name")
-    see_that_they_end(points, f"{__name__}:{try_tyres.__name__}")
+    see_that_they_end(TYRE_POINTS, try_tyres)
     return {point.name: _checked(where, loaded(where, point)) for where, point in points.items()}
-
-
-def _points() -> dict[str, EntryPoint]:
-    """The entry points, by what messages call them."""
-    points = sorted(entry_points(group=TYRE_POINTS), key=lambda point: point.name)
-    return {f"tyre {point.name} ({point.value})": point for point in points}
 
 
 def try_tyres(begin: Callable[[str], None]) -> None:
@@ -108,7 +100,7 @@ def try_tyres(begin: Callable[[str], None]) -> None:
     Raises:
         InvalidExtensionError: one cannot be used.
     """
-    for where, point in _points().items():
+    for where, point in extensions(TYRE_POINTS).items():
         begin(where)
         _checked(where, loaded(where, point))
 

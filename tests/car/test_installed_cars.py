@@ -5,6 +5,7 @@ from pathlib import Path
 import pytest
 from other_package import ROOT, install_package, refusal, run
 
+from drift_drake.car.effects.trial import CARS, EFFECTS, TYRES, extensions
 from drift_drake.car.installed_cars import installed_cars
 
 EXAMPLE = (ROOT / "examples" / "cars" / "kart.py").read_text()
@@ -136,3 +137,12 @@ def test_what_numba_cannot_compile_is_refused_before_it_is_used(tmp_path: Path) 
     install_package(tmp_path, "kart", source, "cars", {"kart": "KART"})
     done = run(tmp_path, "-c", "import drift_drake.car.equations", jit=True)
     assert "car kart (kart:KART): numba cannot compile its functions" in done.stderr
+
+
+@pytest.mark.parametrize(("group", "word"), [(EFFECTS, "effect"), (TYRES, "tyre"), (CARS, "car")])
+def test_two_extensions_of_one_name_are_refused(tmp_path: Path, group: str, word: str) -> None:
+    for name in ("one", "other"):
+        install_package(tmp_path, name, "HERE = 1", group.removeprefix("drift_drake."), {"same": "HERE", name: "HERE"})
+    said = refusal("one", tmp_path, lambda: extensions(group))
+    assert said in (f"{word} same is installed twice ({a}:HERE, {b}:HERE); uninstall one of them"
+                    for a, b in (("one", "other"), ("other", "one")))  # fmt: skip

@@ -9,7 +9,7 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, redirect_stdout, suppress
 from functools import cache
-from importlib.metadata import EntryPoint, entry_points
+from importlib.metadata import EntryPoint
 from typing import Any, get_args
 
 from drift_drake.car.effects.record import (
@@ -23,7 +23,7 @@ from drift_drake.car.effects.record import (
     Fit,
     InvalidExtensionError,
 )
-from drift_drake.car.effects.trial import EFFECTS, see_that_they_end
+from drift_drake.car.effects.trial import EFFECTS, extensions, loaded, see_that_they_end
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.common.errors import one_line, shown
 from drift_drake.common.interruption import TerminatedError
@@ -65,35 +65,10 @@ def installed_effects() -> dict[str, Effect]:
         side_wind = "my_package.wind:SIDE_WIND"
 
     Raises:
-        InvalidExtensionError: one cannot be imported, or is none.
+        InvalidExtensionError: one cannot be imported, or is none, or two have one name.
     """
-    points = _points()
-    see_that_they_end(points, f"{__name__}:{try_effects.__name__}")
-    found = {point.name: _loaded(where, point) for where, point in points.items()}
-    if len(found) < len(points):
-        raise InvalidExtensionError(
-            f"effects {', '.join(point.name for point in points.values())}: a name is there twice"
-        )
-    return found
-
-
-def _points() -> dict[str, EntryPoint]:
-    """The entry points, by what messages call them."""
-    points = sorted(entry_points(group=EFFECTS), key=lambda point: point.name)
-    return {f"effect {point.name} ({point.value})": point for point in points}
-
-
-def loaded(where: str, point: EntryPoint) -> Any:
-    """What an entry point names; an InvalidExtensionError, which begins with `where`, if it cannot be imported."""
-    try:
-        with redirect_stdout(sys.stderr):  # standard output is the command's own
-            return point.load()
-    except (KeyboardInterrupt, TerminatedError):
-        raise
-    except BaseException as error:  # one that ends Python, too
-        raise InvalidExtensionError(
-            f"{where}: cannot be imported ({type(error).__name__}: {one_line(error)}); correct it or uninstall it"
-        ) from None
+    see_that_they_end(EFFECTS, try_effects)
+    return {point.name: _loaded(where, point) for where, point in extensions(EFFECTS).items()}
 
 
 def _loaded(where: str, point: EntryPoint) -> Effect:
@@ -234,7 +209,7 @@ def try_effects(begin: Callable[[str], None]) -> None:
     Raises:
         InvalidExtensionError: one cannot be used, or numba cannot compile it.
     """
-    for where, point in _points().items():
+    for where, point in extensions(EFFECTS).items():
         begin(where)
         _see_that_it_compiles(point.name, _loaded(where, point))
 

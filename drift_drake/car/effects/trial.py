@@ -3,20 +3,24 @@ end Python. That all went well is remembered of their sources, so that it is ask
 
 import hashlib
 import importlib.util
+import itertools
 import os
 import resource
 import signal
 import subprocess
 import sys
-from collections.abc import Mapping
-from contextlib import suppress
+from collections.abc import Callable, Mapping
+from contextlib import redirect_stdout, suppress
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
+from typing import Any
 
 from drift_drake.car.effects.record import InvalidExtensionError
-from drift_drake.common.interruption import ctrl_c_waits
+from drift_drake.common.errors import one_line
+from drift_drake.common.interruption import TerminatedError, ctrl_c_waits
 
 EFFECTS, TYRES, CARS = "drift_drake.effects", "drift_drake.tyres", "drift_drake.cars"  # groups of entry points
+WORDS = {EFFECTS: "effect", TYRES: "tyre", CARS: "car"}
 SECONDS = 30  # of processor time that a trial may take, compilation included
 RESTS = 120.0  # [s] on the clock
 TRYING = "DRIFT_DRAKE_TRYING"  # in the environment of a trial, which begins no further one
@@ -28,23 +32,52 @@ PROGRAM = (
 )
 
 
-def see_that_they_end(points: Mapping[str, EntryPoint], function: str) -> None:
-    """Runs `module:function` of this package, which tries these extensions, in a process with limits.
+def extensions(group: str) -> dict[str, EntryPoint]:
+    """What other packages install in a group, by what messages call it, in the order of the names.
+
+    Raises:
+        InvalidExtensionError: two have one name.
+    """
+    points, word = sorted(entry_points(group=group), key=lambda point: point.name), WORDS[group]
+    for one, other in itertools.pairwise(points):
+        if one.name == other.name:
+            raise InvalidExtensionError(
+                f"{word} {one.name} is installed twice ({one.value}, {other.value}); uninstall one of them"
+            )
+    return {f"{word} {point.name} ({point.value})": point for point in points}
+
+
+def loaded(where: str, point: EntryPoint) -> Any:
+    """What an entry point names; an InvalidExtensionError, which begins with `where`, if it cannot be imported."""
+    try:
+        with redirect_stdout(sys.stderr):  # standard output is the command's own
+            return point.load()
+    except (KeyboardInterrupt, TerminatedError):
+        raise
+    except BaseException as error:  # one that ends Python, too
+        raise InvalidExtensionError(
+            f"{where}: cannot be imported ({type(error).__name__}: {one_line(error)}); correct it or uninstall it"
+        ) from None
+
+
+def see_that_they_end(group: str, function: Callable[[Callable[[str], None]], None]) -> None:
+    """Runs a function of this package, which tries a group's extensions, in a process with limits.
 
     Args:
-        points: by what an extension is called in messages; function: it is given a function to call with each of these
-            words as it begins with that extension.
+        function: it is given a function to call with what messages call an extension, as it begins with that one.
 
     Raises:
         InvalidExtensionError: one does not end, ends Python, or is refused.
     """
+    points = extensions(group)
     if not points or TRYING in os.environ:
         return
     mark = extensions_folder() / f"tried-{_digest(points)}"
     if mark.is_file() or os.environ.get(TRIED) == mark.name:
         return
     path = [entry or os.getcwd() for entry in sys.path]
-    program = PROGRAM.format(path=path, function=function, seconds=SECONDS)
+    name = f"{function.__module__}:{function.__name__}"
+    program = PROGRAM.format(path=path, function=name, seconds=SECONDS)
     with ctrl_c_waits():
         process = subprocess.Popen(
             [sys.executable, "-c", program], env=os.environ | {TRYING: "1"}, stdin=subprocess.DEVNULL,

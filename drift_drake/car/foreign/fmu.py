@@ -11,6 +11,20 @@ from drift_drake.car.foreign.rollouts import SimulatorError
 from drift_drake.common.arrays import Array
 from drift_drake.common.errors import one_line
 
+TOLERANCE = 1e-6  # relative, of the solver of a model for exchange
+
+
+def _follow_inputs() -> None:
+    """Has FMPy's solver ask for the inputs at each moment: it applies them where a step has ended, often late."""
+    from fmpy import sundials
+
+    class Following(sundials.CVodeSolver):  # type: ignore[misc] # without types
+        def f(self, t: float, y: Any, ydot: Any, user_data: Any) -> int:
+            self.input.apply(t)
+            return int(super().f(t, y, ydot, user_data))
+
+    sundials.CVodeSolver = Following
+
 
 class Fmu:
     """One instance, reset for each roll-out. Names are those of its model description."""
@@ -35,10 +49,17 @@ class Fmu:
                 "this platform"
             )
         self._kind = "CoSimulation" if self._description.coSimulation is not None else "ModelExchange"
+        if self._kind == "ModelExchange":
+            _follow_inputs()
         self._names = {variable.name for variable in self._description.modelVariables}
         self._folder = TemporaryDirectory(prefix="fmu_")  # removed with this object
         fmpy.extract(path, self._folder.name)
-        self._instance = instantiate_fmu(self._folder.name, self._description, fmi_type=self._kind)
+        try:
+            self._instance = instantiate_fmu(self._folder.name, self._description, fmi_type=self._kind)
+        except Exception as error:  # of many classes: a library that is lacking, a licence, a refusal of its own
+            raise SimulatorError(
+                f"{path}: cannot be loaded ({one_line(error)}); try it with fmpy simulate, and export it anew"
+            ) from None
 
     def roll(self, start: Mapping[str, Any], held: Mapping[str, Array], inputs: Mapping[str, Array], dt: float,  # noqa: ARG002
              outputs: tuple[str, ...], parameters: Mapping[str, float]) -> Mapping[str, Any]:  # fmt: skip
@@ -56,8 +77,9 @@ class Fmu:
         try:
             found = self._fmpy.simulate_fmu(
                 self._folder.name, validate=False, start_time=0.0, stop_time=dt * (rows - 1), output_interval=dt,
-                step_size=dt, start_values=given, input=table, output=list(outputs), fmi_type=self._kind,
-                model_description=self._description, fmu_instance=self._instance, set_stop_time=False,
+                step_size=dt, relative_tolerance=TOLERANCE, start_values=given, input=table, output=list(outputs),
+                fmi_type=self._kind, model_description=self._description, fmu_instance=self._instance,
+                set_stop_time=False,
             )  # fmt: skip
         finally:
             self._instance.reset()

@@ -1,6 +1,7 @@
 """An FMU 2.0 or 3.0 (co-simulation or model exchange) as a simulator, by fmpy."""
 
 from collections.abc import Mapping
+from contextlib import chdir
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -32,7 +33,6 @@ class Fmu:
     def __init__(self, path: str) -> None:
         try:
             import fmpy
-            from fmpy.simulation import instantiate_fmu
         except ImportError:
             raise SimulatorError(f'{path}: fmpy is missing; install it with pip install "drift_drake[fmu]"') from None
         self._fmpy, self._path = fmpy, path
@@ -54,12 +54,7 @@ class Fmu:
         self._names = {variable.name for variable in self._description.modelVariables}
         self._folder = TemporaryDirectory(prefix="fmu_")  # removed with this object
         fmpy.extract(path, self._folder.name)
-        try:
-            self._instance = instantiate_fmu(self._folder.name, self._description, fmi_type=self._kind)
-        except Exception as error:  # of many classes: a library that is lacking, a licence, a refusal of its own
-            raise SimulatorError(
-                f"{path}: cannot be loaded ({one_line(error)}); try it with fmpy simulate, and export it anew"
-            ) from None
+        self._instance = self._instantiated()
 
     def roll(self, start: Mapping[str, Any], held: Mapping[str, Array], inputs: Mapping[str, Array], dt: float,  # noqa: ARG002
              outputs: tuple[str, ...], parameters: Mapping[str, float]) -> Mapping[str, Any]:  # fmt: skip
@@ -82,12 +77,31 @@ class Fmu:
                 set_stop_time=False,
             )  # fmt: skip
         finally:
-            self._instance.reset()
+            self._reset()
         out = {}
         for name in outputs:
             values = np.asarray(found[name], dtype=float)
             out[name] = values[:rows] if len(values) >= rows else np.append(values, np.full(rows - len(values), np.nan))
         return out
+
+    def _instantiated(self) -> Any:
+        from fmpy.simulation import instantiate_fmu
+
+        try:
+            with chdir("."):  # FMPy leaves the process in a folder of the FMU where it cannot load that
+                return instantiate_fmu(self._folder.name, self._description, fmi_type=self._kind)
+        except Exception as error:  # of many classes: a library that is lacking, a licence, a refusal of its own
+            raise SimulatorError(
+                f"{self._path}: cannot be loaded ({one_line(error)}); try it with fmpy simulate, and export it anew"
+            ) from None
+
+    def _reset(self) -> None:
+        """To where it was made; some exporters have no reset."""
+        try:
+            self._instance.reset()
+        except Exception:  # of several classes
+            self._instance.freeInstance()
+            self._instance = self._instantiated()
 
     def _check(self, names: Any, what: str) -> None:
         for name in names:

@@ -67,8 +67,8 @@ def further_functions(version: str) -> str:
     return "".join(f"__attribute__((weak)) int {name}(void) {{ return 3; }}\n" for name in sorted(names))
 
 
-def build(folder: Path, version: str, kind: str) -> Path:
-    """The FMU (.fmu) of a version and a kind of `KINDS`, in a folder."""
+def build(folder: Path, version: str, kind: str, *options: str) -> Path:
+    """The FMU (.fmu) of a version and a kind of `KINDS`, in a folder; options: of the compiler."""
     import fmpy
 
     three, states = version == "3.0", kind == "ModelExchange"
@@ -83,7 +83,7 @@ def build(folder: Path, version: str, kind: str) -> Path:
     headers, further = Path(fmpy.__file__).parent / "c-code", folder / "further.c"
     further.write_text(further_functions(version))
     assert COMPILER is not None
-    subprocess.run([COMPILER, "-shared", "-fPIC", "-O2", f"-DFMI={version[0]}", f"-I{headers}", str(SOURCE),
+    subprocess.run([COMPILER, "-shared", "-fPIC", "-O2", f"-DFMI={version[0]}", *options, f"-I{headers}", str(SOURCE),
                     str(further), "-o", str(library), "-lm"], check=True, capture_output=True)  # fmt: skip
     path = folder / f"{version}_{kind}.fmu"
     with zipfile.ZipFile(path, "w") as archive:

@@ -18,7 +18,10 @@ from drift_drake.car.foreign.rollouts import SimulatorError
 from drift_drake.car.foreign.simulator_car import SimulatorCar
 
 EXAMPLES = Path(__file__).parents[3] / "examples" / "simulators"
-EACH = [(version, kind) for version, kinds in KINDS.items() for kind in kinds]
+EACH = [
+    *((version, kind) for version, kinds in KINDS.items() for kind in kinds),
+    ("2.0", "ModelExchange", "-DNO_RESET"),
+]
 pytestmark = pytest.mark.skipif(COMPILER is None, reason="a C compiler builds the FMUs: apt install gcc")
 
 

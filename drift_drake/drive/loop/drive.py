@@ -8,7 +8,7 @@ from pydrake.systems.framework import Context, DiagramBuilder, LeafSystem
 
 from drift_drake.car.effects.magnitudes import Effects
 from drift_drake.car.parameters import VehicleParameters
-from drift_drake.car.path_plant import PathPlant
+from drift_drake.car.path_plant import MotionError, PathPlant
 from drift_drake.car.sensors import LOG_ROW, MEASURED_STATE, NoiseLevels
 from drift_drake.car.single_track.motion import INPUTS
 from drift_drake.common.arrays import Array
@@ -120,7 +120,8 @@ class Drive:
             seed: of the sensors' noise; limits: that end it early.
 
         Returns:
-            (a row each 0.01 s: the log format's columns, and e, dphi, s; how it ended: "time", or what limit).
+            (a row each 0.01 s: the log format's columns, and e, dphi, s; how it ended: "time", what limit, or
+            "simulation failed" where the plant's state is no longer finite).
         """
         limits = limits or DriveLimits()
         context = self.diagram.CreateDefaultContext()
@@ -139,5 +140,8 @@ class Drive:
 
         simulator = make_simulator(self.diagram, context, (plant, reason))
         simulator.Initialize()
-        ending = simulator.AdvanceTo(duration).message() or "time"
+        try:
+            ending = simulator.AdvanceTo(duration).message() or "time"
+        except MotionError:  # of a car of another program, as a rule
+            ending = "simulation failed"
         return self._logs.table(context), ending

@@ -5,12 +5,15 @@ import math
 import numpy as np
 import pytest
 from pydrake.systems.analysis import Simulator
+from pydrake.systems.primitives import ConstantVectorSource
 
 from drift_drake.car.foreign.stepped_plant import PERIOD, SteppedPlant, WorldMotion
 from drift_drake.car.on_path import PLANT_STATES
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.car.path_plant import MotionError
 from drift_drake.drive.loop.car import Car
+from drift_drake.drive.loop.drive import Drive
+from drift_drake.drive.mpc.plan import Plan
 from drift_drake.drive.reference.path import Path
 from drift_drake.drive.reference.trajectory import figure_8
 
@@ -93,3 +96,19 @@ def test_a_state_that_is_lost_ends_the_simulation() -> None:
     with pytest.raises(MotionError, match="no longer finite at 0 s"):
         driven(None, 1.0, steering=math.nan)
     assert PERIOD < 0.01
+
+
+class Lost(Rounding):
+    """The same, whose program loses its state where it has gone 3 m."""
+
+    def step(self, own, actuation, wrench, duration):
+        return super().step(own, actuation, wrench, duration) if own[0] < 3.0 else np.full_like(own, np.nan)
+
+
+def test_a_drive_of_a_car_that_is_lost_keeps_what_came_before() -> None:
+    driver = ConstantVectorSource(Plan(0.0, np.zeros((2, 2)), 0.1).vector())
+    drive = Drive(VehicleParameters(), driver, 1, 0.1, None, (0.0, 0.0), plant=SteppedPlant(Lost(), None))
+    table, ending = drive.run(np.array([RATE, SPEED, SIDESLIP, SPEED, 0.0, 0.0]), 0.0, 1.0, seed=0)
+    assert ending == "simulation failed"
+    assert 0.3 < table["t"].iloc[-1] < 0.5
+    assert np.isfinite(table["v"]).all()

@@ -40,8 +40,9 @@ def installed_cars() -> tuple[CarKind, ...]:
     Raises:
         InvalidExtensionError: one cannot be imported, or is none, or two have one name.
     """
-    see_that_they_end(CARS, try_cars)
-    return tuple(_checked(where, point) for where, point in extensions(CARS).items())
+    points = extensions(CARS)
+    see_that_they_end(points, try_cars)
+    return tuple(_checked(where, point) for where, point in points.items())
 
 
 def try_cars(begin: Callable[[str], None]) -> None:

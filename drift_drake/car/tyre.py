@@ -87,7 +87,7 @@ def installed_tyres() -> dict[str, Callable[..., Any]]:
     for where, point in points.items():
         if point.name == "brush":
             raise InvalidExtensionError(f"{where}: brush is there already; give yours another name")
-    see_that_they_end(TYRE_POINTS, try_tyres)
+    see_that_they_end(points, try_tyres)
     return {point.name: _checked(where, loaded(where, point)) for where, point in points.items()}
 
 

@@ -12,7 +12,7 @@ ten times the lane drives), the one that drives best. Broken off, it goes on whe
 import dataclasses
 import json
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -35,22 +35,22 @@ from drift_drake.drive.learnt.posterior import Posterior
 from drift_drake.drive.learnt.quality import learn, squared_distances
 from drift_drake.drive.learnt.samples import samples_from_log
 from drift_drake.drive.loop.closed_loop import ControlConfig
-from drift_drake.drive.loop.metrics import RunMetrics
 from drift_drake.gap.choose.choice import car_error
 from drift_drake.gap.choose.identified import IdentifiedCar, identified_with_own_states
 from drift_drake.gap.estimation.windows import windowed
 from drift_drake.gap.identification.identify import calibrate
 from drift_drake.gap.identification.stated import Asked
 from experiments.benchmarks.intervals import by_vehicle
-from experiments.drifting.runs import Believes, DriveJob, Learnt, closed_loop
+from experiments.drifting.runs import Believes, DriveJob, Learnt, drive
 from experiments.gathering.beliefs import informative_drives
 from experiments.made import RunConfig, SpreadConfig, begun, tabulated, write_report
 from experiments.other_worlds.brush_drifters import COUPE
-from experiments.other_worlds.true_cars import TrueCar, World, true_car
+from experiments.other_worlds.true_cars import TrueCar, true_car
 
 SECOND, FURTHER = 1, (101, 102, 103)  # seeds of the noise: of the second attempts, of the reference's drifts
 GUESSES: dict[str, CarParameters] = {"double-track": VehicleParameters(), "brush": COUPE}
 KINDS = ("single-track", *GUESSES)
+Plant = Literal["multi_body", "mujoco", "brush"]  # drawn one by one, without further effects
 MODELS = ("first", "first again", "learnt", "identified", *KINDS, "reference", "oracle")
 
 
@@ -58,7 +58,7 @@ MODELS = ("first", "first again", "learnt", "identified", *KINDS, "reference", "
 class AgainConfig(SpreadConfig, RunConfig):
     """Which cars."""
 
-    plant: World = "multi_body"
+    plant: Plant = "multi_body"
     vehicles: int = 8
     first: int = 0
     vehicle_seed: int = 0
@@ -67,22 +67,18 @@ class AgainConfig(SpreadConfig, RunConfig):
 class Vehicle(NamedTuple):
     """One car of a draw."""
 
-    world: World
+    world: Plant
     number: int
     seed: int
 
     def made(self) -> TrueCar:
         return true_car(self.world, self.number, self.seed)
 
-    def drifted(self, believes: Believes, seed: int) -> tuple[pd.DataFrame, RunMetrics]:
+    def drifted(self, believes: Believes, seed: int) -> tuple[pd.DataFrame, dict[str, Any]]:
         """(the log of a figure-8, its metrics) with what a controller believes."""
         job = DriveJob("again", {}, "figure_8", Effects(), seed, believes, ControlConfig(), self.made())
-        loop = closed_loop(job)
-        context = loop.initial_context(seed=seed)
-        if loop.adapter is not None and isinstance(believes, Learnt):
-            loop.adapter.set_posterior(loop.adapter.GetMyMutableContextFromRoot(context), believes.belief)
-        run = loop.run(context)
-        return as_logged(run.table), run.metrics()
+        metrics, table = drive(job)
+        return as_logged(table), metrics
 
     def lane_drives(self) -> list[pd.DataFrame]:
         """The logs of the two informative drives."""
@@ -129,8 +125,7 @@ def attempts(vehicle: Vehicle) -> dict[str, Any]:
     prior, found = load_varied().prior(), dict[str, Any]()
 
     def keep(name: str, believes: Believes, seed: int = SECOND) -> pd.DataFrame:
-        log, metrics = vehicle.drifted(believes, seed)
-        found[name] = dataclasses.asdict(metrics)
+        log, found[name] = vehicle.drifted(believes, seed)
         return log
 
     first = keep("first", adapting(prior), seed=0)

@@ -67,8 +67,9 @@ def installed_effects() -> dict[str, Effect]:
     Raises:
         InvalidExtensionError: one cannot be imported, or is none, or two have one name.
     """
-    see_that_they_end(EFFECTS, try_effects)
-    return {point.name: _loaded(where, point) for where, point in extensions(EFFECTS).items()}
+    points = extensions(EFFECTS)
+    see_that_they_end(points, try_effects)
+    return {point.name: _loaded(where, point) for where, point in points.items()}
 
 
 def _loaded(where: str, point: EntryPoint) -> Effect:

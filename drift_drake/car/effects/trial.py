@@ -60,16 +60,16 @@ def loaded(where: str, point: EntryPoint) -> Any:
         ) from None
 
 
-def see_that_they_end(group: str, function: Callable[[Callable[[str], None]], None]) -> None:
+def see_that_they_end(points: Mapping[str, EntryPoint], function: Callable[[Callable[[str], None]], None]) -> None:
     """Runs a function of this package, which tries a group's extensions, in a process with limits.
 
     Args:
-        function: it is given a function to call with what messages call an extension, as it begins with that one.
+        points: the extensions, as `extensions` gives them; function: it is given a function to call with what messages
+            call an extension, as it begins with that one.
 
     Raises:
         InvalidExtensionError: one does not end, ends Python, or is refused.
     """
-    points = extensions(group)
     if not points or TRYING in os.environ:
         return
     mark = extensions_folder() / f"tried-{_digest(points)}"

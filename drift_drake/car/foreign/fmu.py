@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from contextlib import chdir
+from functools import cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -15,6 +16,7 @@ from drift_drake.common.errors import one_line
 TOLERANCE = 1e-6  # relative, of the solver of a model for exchange
 
 
+@cache  # once in a process: each call would wrap the solver of the one before
 def _follow_inputs() -> None:
     """Has FMPy's solver ask for the inputs at each moment: it applies them where a step has ended, often late."""
     from fmpy import sundials

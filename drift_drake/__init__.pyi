@@ -40,6 +40,7 @@ from .drive.loop.car import Car as Car
 from .drive.loop.closed_loop import ClosedLoop as ClosedLoop
 from .drive.loop.closed_loop import ControlConfig as ControlConfig
 from .drive.loop.drive import Drive as Drive
+from .drive.loop.earlier_drive import beliefs_after as beliefs_after
 from .drive.loop.endings import RunLimits as RunLimits
 from .drive.mpc.controller import Controller as Controller
 from .drive.mpc.controller import ControllerSystem as ControllerSystem

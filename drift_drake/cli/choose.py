@@ -9,7 +9,8 @@ import tyro
 from drift_drake.car.car_file import plant_of
 from drift_drake.car.effects.magnitudes import magnitudes_of
 from drift_drake.car.given_vehicle import vehicle_given
-from drift_drake.car.log.table import InvalidLogError, Run, read_case, run_paths
+from drift_drake.car.log.cases import only_run
+from drift_drake.car.log.table import read_case, run_paths
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.car.vehicle_file import write_vehicle
 from drift_drake.common.interruption import ended_at_once
@@ -41,26 +42,12 @@ class Choose:
     """No progress bar."""
 
 
-def only_run(path: Path) -> Run:
-    """The one run of a log, by the name of its path.
-
-    Raises:
-        InvalidLogError: there are several.
-    """
-    first, *others = read_case(path)
-    if others:
-        raise InvalidLogError(
-            f"{path}: holds {1 + len(others)} runs; give the one of the slow drive, a file, to --check"
-        )
-    return dataclasses.replace(first, name=str(path))
-
-
 def run_choose(command: Choose) -> None:
     given = None if command.vehicle is None else vehicle_given(command.vehicle).parameters
     inputs = [path for path in (command.vehicle, command.check, *run_paths(command.logs)) if path is not None]
     try_outputs({"--out": command.out, "--json": command.json}, inputs)
     check_drives(read_case(command.logs), command.logs)
-    check = None if command.check is None else only_run(command.check)
+    check = None if command.check is None else only_run(command.check, "--check")
     single = VehicleParameters() if given is None else plant_of(given).single_track()
     with ended_at_once():
         from drift_drake.drive.manoeuvres.steering_check import USUAL_STEERING, steering_of

@@ -30,6 +30,9 @@ class DriveOptions:
     (known); or the shipped learnt model, of cars like the default coupe, without adaptation (prior), adapting while it
     drives, the actuators' lags too (online), with an estimated offset too (offset_free), or so with the
     prior of cars of many structures (varied)."""
+    after: Path | None = None
+    """Log of an earlier drive of this course, which a model that adapts begins with (such as run_0.csv of its
+    folder)."""
     radius: float | None = None
     """Radius of the circles [m]; if not given, 18 m for the default coupe. Other cars' lengths are in proportion to the
     wheelbase, and speeds to its root."""
@@ -79,14 +82,15 @@ def run_drive(command: ClosedLoopDrive) -> None:
 
     Raises:
         InvalidVehicleError: names the file, the key and the remedy.
-        InvalidOptionError: a fault that cannot be read, a negative seed, or a policy that the model cannot take.
+        InvalidLogError: of the earlier drive; InvalidOptionError: a fault that cannot be read, a negative seed, or a
+            policy or an earlier drive that the model cannot take.
         OutputError: the folder holds files already, or cannot be written to.
     """
     if command.seed < 0:
         raise InvalidOptionError(f"--seed {command.seed}: give 0 or more")
     if command.vehicle is not None:
         read_plant(command.vehicle)
-    try_outputs({"--json": command.json}, [command.vehicle] if command.vehicle is not None else [])
+    try_outputs({"--json": command.json}, [path for path in (command.vehicle, command.after) if path is not None])
     with contextlib.nullcontext() if command.out is None else alone_in(command.out):
         if command.out is not None and any(not path.name.startswith(".") for path in command.out.iterdir()):
             raise OutputError(f"--out {command.out}: holds files already; give a new folder")

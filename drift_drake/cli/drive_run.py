@@ -12,6 +12,7 @@ from drift_drake.car.car_file import read_plant
 from drift_drake.car.double_track.parameters import CARS
 from drift_drake.car.effects.magnitudes import Effects
 from drift_drake.car.known_car import known_car_model, plant_of_car
+from drift_drake.car.log.cases import only_run
 from drift_drake.car.log.table import COLUMNS
 from drift_drake.car.parameters import CarParameters, VehicleParameters
 from drift_drake.car.sensor_errors import sensor_errors
@@ -26,6 +27,7 @@ from drift_drake.drive.learnt.checkpoint import load_model, load_varied
 from drift_drake.drive.learnt.lag_bank import BANK
 from drift_drake.drive.learnt.quality import step_model
 from drift_drake.drive.loop.closed_loop import ClosedLoop, ClosedLoopRun, ControlConfig
+from drift_drake.drive.loop.earlier_drive import beliefs_after, check_earlier_drive
 from drift_drake.drive.loop.endings import RunLimits
 from drift_drake.drive.loop.faults import parse_fault
 from drift_drake.drive.loop.metrics import RunMetrics
@@ -41,6 +43,7 @@ from drift_drake.view.pictures.overhead import overhead
 from drift_drake.view.pictures.replay import replay
 from drift_drake.view.pictures.time_series import solver_work, time_series
 
+ADAPTING = ("online", "offset_free", "varied")
 LATERAL_ERROR = 0.5  # [m] at the start, for a car of the default one's size
 
 
@@ -122,8 +125,13 @@ def run_closed_loop(config: ClosedLoopConfig) -> ClosedLoopRun:
     lateral = LATERAL_ERROR * unit if config.lateral_error is None else config.lateral_error
     error = np.array([0.0, 0.0, config.sideslip_error, 0.0, lateral, 0.0])
     loop = build(config)
+    context = loop.initial_context(config.seed, error)
+    if config.after is not None and loop.adapter is not None:
+        run = only_run(config.after, "--after")
+        beliefs = beliefs_after(loop.adapter.model, run, loop.reference, loop.adapter.lags)
+        loop.adapter.set_beliefs(loop.adapter.GetMyMutableContextFromRoot(context), beliefs)
     limits = RunLimits(lane_margin=RunLimits().lane_margin * unit)
-    return loop.run(loop.initial_context(config.seed, error), limits)
+    return loop.run(context, limits)
 
 
 def main(config: ClosedLoopConfig, to: TextIO | None = None) -> dict[str, Any]:
@@ -135,7 +143,11 @@ def main(config: ClosedLoopConfig, to: TextIO | None = None) -> dict[str, Any]:
     Returns:
         The folder of the results (`out`), and the pictures of the diagram, or the run's metrics and events.
     """
-    reference_of(config)  # what cannot be driven is said before a folder is made
+    reference = reference_of(config)  # what cannot be driven is said before a folder is made
+    if config.after is not None:
+        if config.model not in ADAPTING:
+            raise InvalidOptionError(f"--after is for a model that adapts, not {config.model}: {', '.join(ADAPTING)}")
+        check_earlier_drive(only_run(config.after, "--after"), reference)
     folder = make_run_folder("closed_loop", config.out)
     if config.graph:
         pictures = draw_graph(build(config).diagram, folder / "closed_loop")

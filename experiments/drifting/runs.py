@@ -31,7 +31,7 @@ from drift_drake.common.errors import InvalidOptionError, meant
 from drift_drake.common.executors import ExecutorConfig, run_jobs
 from drift_drake.common.run_folder import is_done, make_run_folder, write_json
 from drift_drake.common.safe_files import write_table
-from drift_drake.drive.learnt.adapter import DEFAULT_THRESHOLD, OFFSET_TIMES, BayesianAdapter
+from drift_drake.drive.learnt.adapter import DEFAULT_THRESHOLD, OFFSET_TIMES, BayesianAdapter, Beliefs
 from drift_drake.drive.learnt.bayesian_step import PathStep
 from drift_drake.drive.learnt.checkpoint import BayesianModel, load_model, load_varied
 from drift_drake.drive.learnt.hybrid_step import HybridStepModel, load_hybrid
@@ -158,6 +158,7 @@ class Learnt(NamedTuple):
     lags: bool = False  # the actuators' lags are learnt as it drives
     gate: float = DEFAULT_THRESHOLD  # of the adapter's samples
     car: IdentifiedCar | None = None  # inside h of a hybrid model
+    earlier: Beliefs | None = None  # what an earlier drive has taught, that the run starts with in place of `belief`
 
 
 Believes = Literal["nominal", "oracle"] | Learnt | IdentifiedCar
@@ -227,7 +228,10 @@ def drive(job: DriveJob) -> DriveResult:
     context = loop.initial_context(seed=job.noise_seed)
     if loop.adapter is not None and isinstance(job.believes, Learnt):
         adapter_context = loop.adapter.GetMyMutableContextFromRoot(context)
-        loop.adapter.set_posterior(adapter_context, job.believes.belief)
+        if job.believes.earlier is None:
+            loop.adapter.set_posterior(adapter_context, job.believes.belief)
+        else:
+            loop.adapter.set_beliefs(adapter_context, job.believes.earlier)
         loop.adapter.set_frozen(adapter_context, not job.believes.adapting)
     run = loop.run(context)
     return DriveResult(dataclasses.asdict(run.metrics()), run.table)

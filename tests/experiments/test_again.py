@@ -10,7 +10,7 @@ def attempt(rms_e: float, outcome: str = "completed") -> dict[str, Any]:
 
 
 def row(vehicle: int, **attempts: dict[str, Any]) -> dict[str, Any]:
-    return {"vehicle": vehicle, "errors": {}, "within": 0.5 + 0.1 * vehicle, "attempts": attempts}
+    return {"vehicle": vehicle, "errors": {}, "within": 0.5 + 0.1 * vehicle, "refused": "", "attempts": attempts}
 
 
 def test_errors_are_relative_to_the_best_of_the_identified_cars() -> None:

@@ -1,5 +1,6 @@
 """Folders of runs (cases), folders of such folders, and logs as a function is given them."""
 
+import dataclasses
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -10,6 +11,18 @@ if TYPE_CHECKING:
     import pandas as pd
 
 Logs = str | Path | Run | Sequence[Run]  # a case folder's or a run's path, or runs
+
+
+def only_run(path: Path, option: str) -> Run:
+    """The one run of a log, by the name of its path; option: that the log was given to.
+
+    Raises:
+        InvalidLogError: there are several, or none that can be used.
+    """
+    first, *others = read_case(path)
+    if others:
+        raise InvalidLogError(f"{path}: holds {1 + len(others)} runs; give the file of one to {option}")
+    return dataclasses.replace(first, name=str(path))
 
 
 def case_name(folder: Path) -> str:

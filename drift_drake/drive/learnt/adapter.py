@@ -32,6 +32,13 @@ class Adapted(NamedTuple):
     left: Array  # what the learnt states did over the step, less what the posterior's mean says [4]
 
 
+class Beliefs(NamedTuple):
+    """What is believed of a car under each pair of a bank's lags."""
+
+    posteriors: list[Posterior]  # [K]
+    evidence: Array  # log density of the samples so far under each pair [K] [nat]
+
+
 def adapt_bank(
     models: Sequence[BayesianModel], posteriors: Sequence[Posterior], x: Array, lagged: Array, u: Array, u_next: Array,
     x_next: Array, threshold: float, car: RememberingStepModel | None = None,
@@ -204,10 +211,18 @@ class BayesianAdapter(LeafSystem):
         return self._posteriors(context)[self.believed(context)]
 
     def set_posterior(self, context: Context, posterior: Posterior) -> None:
-        """Puts a posterior, of an earlier drive say, into a Context of this system, under all lags alike."""
+        """Puts a posterior into a Context of this system, under all lags alike."""
+        self.set_beliefs(context, Beliefs([posterior] * len(self.lags), np.zeros(len(self.lags))))
+
+    def set_beliefs(self, context: Context, beliefs: Beliefs) -> None:
+        """Puts what is believed under each of its lags into a Context of this system.
+
+        Args:
+            context: of this system; beliefs: what an earlier drive has taught (`beliefs_after`), say.
+        """
         discrete = context.get_mutable_discrete_state()
-        self._write(discrete, [posterior] * len(self.lags))
-        discrete.set_value(self._evidence, np.zeros(len(self.lags)))
+        self._write(discrete, beliefs.posteriors)
+        discrete.set_value(self._evidence, beliefs.evidence)
 
     def set_frozen(self, context: Context, frozen: bool) -> None:
         """Stops or resumes adaptation in a Context of this system; the outputs stay."""

@@ -4,7 +4,9 @@ import dataclasses
 
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 
+from drift_drake.common.arrays import Array
 from drift_drake.drive.loop.actuation import PlanStatus
 from drift_drake.drive.loop.endings import heads_backwards
 from drift_drake.drive.mpc.mpc import FOLLOWED
@@ -107,20 +109,26 @@ def before_spin(table: pd.DataFrame, steering_limit: float) -> pd.DataFrame:
     return table.iloc[: within[-1] + 1 if len(within) else 1]
 
 
-def drifting_share(table: pd.DataFrame, reference: Reference) -> float:
-    """Share of the reference's steady drifts over which the car drifted too; NaN where none is wanted.
+def steady_drifts(s: Array, beta: Array, reference: Reference) -> tuple[Array, NDArray[np.bool_]]:
+    """(sideslip [n] in rad wanted along the reference's steady drifts, whether the car drifted there [n]).
 
     Drifting means at least half of the sideslip wanted, to the same side. Without this, a car that rounds the course in
     grip would pass for one that drifts.
+
+    Args:
+        s: path positions of a drive [rows] in m; beta: its sideslip there [rows] in rad.
     """
     grid = np.arange(0.0, reference.distance, GRID)
     wanted = reference.state(grid)[:, 2]
     steady = ~reference.transition(grid) & (np.abs(wanted) > STEADY_SIDESLIP)
-    if not steady.any():
-        return float("nan")
-    s, beta = table["s"].to_numpy(dtype=float), table["beta"].to_numpy(dtype=float)
     driven = np.interp(grid, np.maximum.accumulate(s), beta, right=0.0)
-    return float(np.mean((driven * np.sign(wanted) >= 0.5 * np.abs(wanted))[steady]))
+    return wanted[steady], (driven * np.sign(wanted) >= 0.5 * np.abs(wanted))[steady]
+
+
+def drifting_share(table: pd.DataFrame, reference: Reference) -> float:
+    """Share of the reference's `steady_drifts` over which the car drifted too; NaN where none is wanted."""
+    _, drifted = steady_drifts(table["s"].to_numpy(dtype=float), table["beta"].to_numpy(dtype=float), reference)
+    return float(np.mean(drifted)) if len(drifted) else float("nan")
 
 
 def run_metrics(table: pd.DataFrame, outcome: str, reference: Reference, steering_limit: float) -> RunMetrics:

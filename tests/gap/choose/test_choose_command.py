@@ -98,7 +98,7 @@ def check(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_a_check_of_several_runs_is_refused(logs: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["choose", str(logs), "--check", str(logs)]) == 2
-    assert re.search(r"holds \d runs; give the one of the slow drive", capsys.readouterr().err)
+    assert re.search(r"holds \d runs; give the file of one to --check", capsys.readouterr().err)
 
 
 def test_a_check_shows_a_limit_of_the_steering_that_drives_kept_below(

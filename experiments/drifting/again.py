@@ -30,7 +30,6 @@ from drift_drake.common.run_folder import is_done, write_json
 from drift_drake.common.threads import one_blas_thread
 from drift_drake.drive.gathering.config import GatheringConfig
 from drift_drake.drive.gathering.plan import plan_drive
-from drift_drake.drive.learnt.adapter import OFFSET_TIMES, Beliefs
 from drift_drake.drive.learnt.checkpoint import load_model, load_varied
 from drift_drake.drive.learnt.quality import squared_distances
 from drift_drake.drive.learnt.samples import samples_from_log
@@ -42,7 +41,7 @@ from drift_drake.gap.estimation.windows import windowed
 from drift_drake.gap.identification.identify import calibrate
 from drift_drake.gap.identification.stated import Asked
 from experiments.benchmarks.intervals import by_vehicle
-from experiments.drifting.runs import Believes, DriveJob, Learnt, drive, reference
+from experiments.drifting.runs import Believes, DriveJob, adapting, drive, reference
 from experiments.gathering.beliefs import informative_drives
 from experiments.made import RunConfig, SpreadConfig, begun, tabulated, write_report
 from experiments.other_worlds.brush_drifters import COUPE
@@ -86,12 +85,6 @@ class Vehicle(NamedTuple):
         learnt, config = load_model(), GatheringConfig()
         first = plan_drive(learnt, learnt.prior(), config, config.alpha)
         return informative_drives(learnt, first, Effects(), config, 0, self.made()).tables
-
-
-def adapting(earlier: Beliefs | None = None) -> Learnt:
-    """The model of many structures, beginning with its prior or with what an earlier drive has taught."""
-    model = load_varied()
-    return Learnt(model, model.prior(), adapting=True, offset_time=OFFSET_TIMES["varied"], lags=True, earlier=earlier)
 
 
 def held_by_covariance(log: pd.DataFrame) -> float:

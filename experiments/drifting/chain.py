@@ -3,8 +3,9 @@
     python -m experiments.drifting.chain --plant multi_body --vehicle 1 --out runs/chain
 
 Two informative drives on the lane are asked which model may drive the car (`gap.choose`). The figure-8 and the loops
-are drifted with that model: the identified car, or the learnt one that adapts. The gap between the car of the vehicle
-file and the plant is then identified from the two drives (`identify`), and diagnosed relative to that from the drifts.
+are drifted with that model: the identified car, or the learnt one that adapts, which drifts each a second time with
+what the first attempt taught. The gap between the car of the vehicle file and the plant is then identified from the two
+drives (`identify`), and diagnosed relative to that from the drifts.
 Written: config.json, logs/{lane,drifts}, identified.yaml, corrected.yaml, report.md, overhead.png, replay.html.
 """
 
@@ -16,7 +17,7 @@ from typing import Literal
 from diagrams.command import run_command
 from drift_drake.car.effects.magnitudes import Effects
 from drift_drake.car.log.cases import runs_of
-from drift_drake.car.log.table import Run, write_run
+from drift_drake.car.log.table import InvalidLogError, Run, write_run
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.car.vehicle_file import write_vehicle
 from drift_drake.cli.drive_run import as_logged
@@ -26,22 +27,23 @@ from drift_drake.common.safe_files import write_figure
 from drift_drake.common.threads import one_blas_thread
 from drift_drake.drive.gathering.config import GatheringConfig
 from drift_drake.drive.gathering.plan import plan_drive
-from drift_drake.drive.learnt.adapter import OFFSET_TIMES
-from drift_drake.drive.learnt.checkpoint import load_model, load_varied
+from drift_drake.drive.learnt.checkpoint import load_model
 from drift_drake.drive.learnt.hybrid_step import load_hybrid
 from drift_drake.drive.loop.closed_loop import ClosedLoopRun, ControlConfig
+from drift_drake.drive.loop.earlier_drive import beliefs_after
 from drift_drake.gap.choose.choice import Choice, ask
 from drift_drake.gap.diagnosis.answers.apply import corrected_vehicle
 from drift_drake.gap.diagnosis.diagnose import diagnose
 from drift_drake.gap.identification.identify import identify
 from drift_drake.view.pictures.overhead import overhead
 from drift_drake.view.pictures.replay import replay
-from experiments.drifting.runs import Believes, DriveJob, Learnt, Maneuver, closed_loop, reference
+from experiments.drifting.runs import Believes, DriveJob, Learnt, Maneuver, adapting, driven, reference
 from experiments.gathering.beliefs import informative_drives
 from experiments.made import RunConfig, tabulated, write_report
 from experiments.other_worlds.true_cars import TrueCar, World, true_car
 
 MANEUVERS: tuple[Maneuver, ...] = ("figure_8", "loops")
+AGAIN = "again"
 
 
 @dataclasses.dataclass(frozen=True)
@@ -68,22 +70,31 @@ def believed(choice: Choice, config: ChainConfig) -> tuple[str, Believes]:
     if car is not None and choice.believed == "hybrid" and config.model == "chosen":
         hybrid = load_hybrid()
         return f"{car.name} and what it leaves over", Learnt(hybrid, hybrid.prior(), adapting=True, car=car)
-    varied = load_varied()
-    offset_time = OFFSET_TIMES["varied"]
-    believes = Learnt(varied, varied.prior(), adapting=True, offset_time=offset_time, lags=True)
-    return "the learnt model of many structures, adapting", believes
+    return "the learnt model of many structures, adapting", adapting()
 
 
-def drifted(car: TrueCar, believes: Believes, config: ChainConfig) -> dict[Maneuver, ClosedLoopRun]:
-    """Both manoeuvres, driven."""
-    runs = {}
+def drifted(car: TrueCar, believes: Believes, config: ChainConfig) -> tuple[dict[str, ClosedLoopRun], list[str]]:
+    """(both manoeuvres, driven, and with the learnt model a second time each, which begins with what the first taught;
+    why one did not, in sentences)."""
+    runs, said = dict[str, ClosedLoopRun](), list[str]()
     for maneuver in MANEUVERS:
-        loop = closed_loop(DriveJob(maneuver, {}, maneuver, Effects(), config.seed, believes, config.control, car))
-        context = loop.initial_context(seed=config.seed)
-        if loop.adapter is not None and isinstance(believes, Learnt):
-            loop.adapter.set_posterior(loop.adapter.GetMyMutableContextFromRoot(context), believes.belief)
-        runs[maneuver] = loop.run(context)
-    return runs
+        job = DriveJob(maneuver, {}, maneuver, Effects(), config.seed, believes, config.control, car)
+        runs[maneuver] = driven(job)
+        if not isinstance(believes, Learnt) or believes.car is not None:
+            continue
+        try:
+            earlier = beliefs_after(believes.model, logged(maneuver, runs[maneuver]), reference(maneuver))
+        except InvalidLogError as error:
+            said.append(f"No second attempt: {error}.")
+            continue
+        again = dataclasses.replace(job, noise_seed=config.seed + 1, believes=adapting(earlier))
+        runs[f"{maneuver} {AGAIN}"] = driven(again)
+    return runs, said
+
+
+def logged(name: str, run: ClosedLoopRun) -> Run:
+    """What a car's logger has of a run."""
+    return dataclasses.replace(runs_of([as_logged(run.table)])[0], name=name)
 
 
 def diagnosed(drives: Sequence[Run], drifts: Sequence[Run], folder: Path) -> list[str]:
@@ -105,13 +116,12 @@ def main(config: ChainConfig) -> None:
     write_versions(folder)
     car = true_car(config.plant, config.vehicle, config.vehicle_seed)
     first = plan_drive(learnt, learnt.prior(), config.gathering, config.gathering.alpha)
-    driven = informative_drives(learnt, first, Effects(), config.gathering, config.seed, car)
-    drives = runs_of(driven.tables)
-    choice = ask(drives, VehicleParameters(), steering=driven.config.steering)
+    gathered = informative_drives(learnt, first, Effects(), config.gathering, config.seed, car)
+    drives = runs_of(gathered.tables)
+    choice = ask(drives, VehicleParameters(), steering=gathered.config.steering)
     name, believes = believed(choice, config)
-    runs = drifted(car, believes, config)
-    drifts = [dataclasses.replace(run, name=maneuver) for maneuver, run in
-              zip(MANEUVERS, runs_of([as_logged(runs[m].table) for m in MANEUVERS]), strict=True)]  # fmt: skip
+    runs, said = drifted(car, believes, config)
+    drifts = [logged(name, run) for name, run in runs.items()]
     for kind, logs in {"lane": drives, "drifts": drifts}.items():
         for i, log in enumerate(logs):
             write_run(log, folder / "logs" / kind / f"run_{i}.csv")
@@ -119,12 +129,14 @@ def main(config: ChainConfig) -> None:
             for maneuver, m in ((maneuver, run.metrics()) for maneuver, run in runs.items())]  # fmt: skip
     lines = [f"A {config.plant} car, vehicle {config.vehicle} of draw {config.vehicle_seed}.", "",
              f"- Choice: {choice.sentence()}.", f"- Driven with {name}.", "",
-             *tabulated(("", "outcome", "completed", "RMS e [m]", "RMS sideslip error [rad]"), rows)]  # fmt: skip
+             *tabulated(("", "outcome", "completed", "RMS e [m]", "RMS sideslip error [rad]"), rows), "",
+             *(f"- {sentence}" for sentence in said)]  # fmt: skip
     try:
-        lines += ["", *(f"- {sentence}" for sentence in diagnosed(drives, drifts, folder))]
+        lines += [f"- {sentence}" for sentence in diagnosed(drives, drifts, folder)]
     except DriftDrakeError as error:
-        lines += ["", f"- Not diagnosed: {error}."]
-    tables, parameters = {"driven": runs["figure_8"].table}, VehicleParameters()
+        lines.append(f"- Not diagnosed: {error}.")
+    tables = {name: run.table for name, run in runs.items() if name.startswith("figure_8")}
+    parameters = VehicleParameters()
     write_figure(overhead(tables, reference("figure_8"), parameters), folder / "overhead.png")
     replay(tables, folder / "replay.html", reference("figure_8"), parameters)
     write_report(folder, "\n".join(lines), config)

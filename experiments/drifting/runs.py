@@ -38,7 +38,7 @@ from drift_drake.drive.learnt.hybrid_step import HybridStepModel, load_hybrid
 from drift_drake.drive.learnt.lag_bank import BANK
 from drift_drake.drive.learnt.posterior import Posterior
 from drift_drake.drive.learnt.quality import step_model
-from drift_drake.drive.loop.closed_loop import ClosedLoop, ControlConfig
+from drift_drake.drive.loop.closed_loop import ClosedLoop, ClosedLoopRun, ControlConfig
 from drift_drake.drive.reference.trajectory import Reference, figure_8, loops
 from drift_drake.gap.choose.choice import (
     SURPRISED,
@@ -164,6 +164,12 @@ class Learnt(NamedTuple):
 Believes = Literal["nominal", "oracle"] | Learnt | IdentifiedCar
 
 
+def adapting(earlier: Beliefs | None = None) -> Learnt:
+    """The model of many structures, beginning with its prior or with what an earlier drive has taught."""
+    model = load_varied()
+    return Learnt(model, model.prior(), adapting=True, offset_time=OFFSET_TIMES["varied"], lags=True, earlier=earlier)
+
+
 @dataclasses.dataclass(frozen=True)
 class DriveJob:
     """One closed-loop run."""
@@ -222,7 +228,7 @@ def closed_loop(job: DriveJob) -> ClosedLoop:
                       sensor_errors=errors)  # fmt: skip
 
 
-def drive(job: DriveJob) -> DriveResult:
+def driven(job: DriveJob) -> ClosedLoopRun:
     """One run, from a start on the reference: the figure-8's is in a drift, as after the paper's hand-brake."""
     loop = closed_loop(job)
     context = loop.initial_context(seed=job.noise_seed)
@@ -233,7 +239,12 @@ def drive(job: DriveJob) -> DriveResult:
         else:
             loop.adapter.set_beliefs(adapter_context, job.believes.earlier)
         loop.adapter.set_frozen(adapter_context, not job.believes.adapting)
-    run = loop.run(context)
+    return loop.run(context)
+
+
+def drive(job: DriveJob) -> DriveResult:
+    """The same, in numbers that a worker hands over."""
+    run = driven(job)
     return DriveResult(dataclasses.asdict(run.metrics()), run.table)
 
 

@@ -164,11 +164,12 @@ class MujocoCar:
         return WorldMotion(q[0] + lever[0], q[1] + lever[1], psi, turn[2], moved[0], moved[1], rear)
 
 
-def draw_mujoco(index: int, seed: int) -> MujocoCar:
-    """Car `index` of a draw: the same for the same arguments."""
+def draw_mujoco(index: int, seed: int, friction: float = 1.0) -> MujocoCar:
+    """Car `index` of a draw, the same for the same arguments; friction: factor of its contacts'."""
     generator = np.random.default_rng([seed, 31, index])
     drawn = {name: getattr(TYPICAL, name) * (1.0 + generator.normal() * deviation) for name, deviation in DRAWN.items()}
     shift = 0.03 * generator.normal()
     drawn |= {"front_axle_distance": TYPICAL.front_axle_distance + shift,
               "rear_axle_distance": TYPICAL.rear_axle_distance - shift}  # fmt: skip
-    return MujocoCar(TYPICAL._replace(**drawn))
+    car = TYPICAL._replace(**drawn)
+    return MujocoCar(car._replace(friction=friction * car.friction))

@@ -131,8 +131,8 @@ def stepped(x: Array, delta: float, drive: float, wrench: Array, duration: float
     _stepping()(x, delta, drive, wrench, count, duration / count, numbers)
 
 
-def draw_multi_body(index: int, seed: int) -> MultiBodyCar:
-    """Car `index` of a draw: the same for the same arguments."""
+def draw_multi_body(index: int, seed: int, friction: float = 1.0) -> MultiBodyCar:
+    """Car `index` of a draw, the same for the same arguments; friction: factor of its tyres'."""
     from vehiclemodels.parameters_vehicle1 import parameters_vehicle1
     from vehiclemodels.parameters_vehicle2 import parameters_vehicle2
     from vehiclemodels.parameters_vehicle3 import parameters_vehicle3
@@ -148,5 +148,5 @@ def draw_multi_body(index: int, seed: int) -> MultiBodyCar:
     p.T_se = p.T_sb = 0.0  # driven, and braked by the engine, at the rear
     p.steering.v_min, p.steering.v_max = -STEERING_SPEED, STEERING_SPEED
     for name in ("p_dx1", "p_dy1"):
-        setattr(p.tire, name, getattr(p.tire, name) * (1.0 + grip))
+        setattr(p.tire, name, getattr(p.tire, name) * (1.0 + grip) * friction)
     return MultiBodyCar(p, coupe.gear_ratio)

@@ -2,17 +2,20 @@
 
 import dataclasses
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from drift_drake.car.effects.magnitudes import Effects
-from drift_drake.car.foreign.stepped_plant import SteppedPlant
+from drift_drake.car.foreign.stepped_plant import SteppedPlant, WorldMotion
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.car.step_model import NominalStepModel
 from drift_drake.common.errors import InvalidOptionError
 from drift_drake.drive.loop.closed_loop import ClosedLoop
 from drift_drake.drive.reference.trajectory import figure_8
+from experiments.monitoring.foreign_loop import Vehicle
+from experiments.other_worlds.changing_car import ChangingCar
 from experiments.other_worlds.true_cars import effects_in, oracle, true_car, true_plant
 
 START, POSE, COMMAND = (0.3, 11.0, -0.15, 11.4), (3.0, -2.0, 2.5), np.array([0.1, 120.0])
@@ -115,3 +118,45 @@ def test_what_nobody_knows_of_it_is_said() -> None:
     assert effects_in("mujoco", Effects(friction_level=-0.1, gyro_bias=0.01)) == Effects(gyro_bias=0.01)
     with pytest.raises(InvalidOptionError, match="nobody has the equations"):
         oracle(true_car("mujoco", 0, 5), VehicleParameters(), Effects())
+
+
+@dataclasses.dataclass(frozen=True)
+class Glider:
+    """A car that moves as the command says: along by the torque, and turned to the steering."""
+
+    factor: float = 1.0
+    state_names = ("x", "steering")
+
+    def start(self, _state, pose, actuation):
+        return np.array([pose[0], actuation[0]])
+
+    def step(self, own, actuation, _wrench, duration):
+        return np.array([own[0] + self.factor * actuation[1] * duration, actuation[0]])
+
+    def motion(self, own):
+        return WorldMotion(own[0], 0.0, own[1], 0.0, 0.0, 0.0, 0.0)
+
+
+def test_a_car_changes_for_a_while_and_back() -> None:
+    car = ChangingCar(Glider(), Glider(10.0), 1.0, 2.0, torque=0.5, steering_rate=0.2)
+    own, motions = car.start(START, (0.0, 0.0, 0.0), np.zeros(2)), []
+    for k in range(24):
+        own = car.step(own, np.array([0.1 if k < 8 else 0.4, 1.0]), np.zeros(3), 0.125)
+        motions.append(car.motion(own))
+    assert len(own) == len(car.state_names)
+    assert [motions[k].x for k in (7, 15, 23)] == [1.0, 1.0 + 10.0 * 0.5, 6.0 + 1.0]
+    np.testing.assert_allclose([motions[k].psi for k in (7, 8, 15, 16)], [0.1, 0.125, 0.3, 0.4])
+
+
+@pytest.mark.parametrize("world", WORLDS)
+def test_less_friction_stops_a_sliding_car_later(world: str) -> None:
+    made(world)
+    vehicle = Vehicle(world, 0, 5, Path())
+    speeds = {}
+    for factor in (1.0, 0.7):
+        car = vehicle.made(factor)
+        own = car.start((0.0, 15.0, 0.0, 0.0), (0.0, 0.0, 0.0), np.zeros(2))
+        for _ in range(100):
+            own = car.step(own, np.array([0.0, -2000.0]), np.zeros(3), 0.002)
+        speeds[factor] = 15.0 - car.motion(own).v_x
+    assert 0.6 < speeds[0.7] / speeds[1.0] < 0.8

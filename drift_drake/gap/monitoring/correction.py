@@ -30,6 +30,7 @@ GRIP_SHARE = 0.3  # of the tyres' friction that the tightest bend asks for at th
 PROBABLE = 0.5
 REFUSED = (ReadingKind.JUMPED, ReadingKind.DISAGREEING)
 DOUBTED = 1.0  # [s] after readings were refused; a sensor's error is reported within it
+HARDER = 0.4  # [s] in a row that are driven harder than calibrated: two windows
 UNWINDING = 0.5  # [1/s] of the sideslip: on a slippery road it is the slide that sheds speed
 
 
@@ -119,13 +120,16 @@ def slowed(slow: bool, none: float, sensor: bool, corrected: bool) -> bool:
 class SlowDown(LeafSystem):
     """Hands plans on while the simulator is believed; else it drives the lane at a safe pace, by the safe stop's law.
 
-    Plans are followed, too, where a correction stands for what has changed, and where a sensor's error is the probable
-    cause, since the law follows the readings more closely than plans do; so it is where readings were refused right
-    before a change is reported. Without a reading it hands the plan on, which is then old: the safe stop's to answer.
+    So it does while the car is driven harder than calibrated: on a course that the calibration had, it is the car that
+    has changed, and is out of known driving before a verdict can follow. Plans are followed, too, where a correction
+    stands for what has changed, and where a sensor's error is the probable cause, since the law follows the readings
+    more closely than plans do; so it is where readings were refused right before a change is reported. Without a
+    reading it hands the plan on, which is then old: the safe stop's to answer.
 
     Input ports: plan [1 + 2 (N + 1)]; command [2], in force; state [7]: (r, v, beta, omega_r, e, dphi, s), NaN where
     there is no reading; posterior, of `GapMonitor`; correction [COUNT] (optional), of `GapCorrection`: while it is not
-    zero, plans are followed; reading [1] (optional), a `ReadingKind`, of `Screen`.
+    zero, plans are followed; reading [1] (optional), a `ReadingKind`, of `Screen`; not_judged [2] (optional), of
+    `GapMonitor`.
     Output ports: plan; slow [1], 1 while the car is driven slowly.
     State in the Context, each `period`: whether it is, and the time [s] until which readings are doubted.
 
@@ -152,6 +156,7 @@ class SlowDown(LeafSystem):
         self._sensors = [i for i, name in enumerate(labels) if name in SENSORS]
         self._correction = self.DeclareVectorInputPort("correction", COUNT)
         self._reading = self.DeclareVectorInputPort("reading", 1)
+        self._not_judged = self.DeclareVectorInputPort("not_judged", 2)
         self._slow, self._doubted = self.DeclareDiscreteState(1), self.DeclareDiscreteState(1)
         declare_update(self, period, self._update)
         self.DeclareVectorOutputPort("paced_plan", plan_size(steps), self._calc)
@@ -177,6 +182,8 @@ class SlowDown(LeafSystem):
         doubted = self._doubted_until(context, believed=bool(p[0] >= TRUSTED))
         sensor = context.get_time() < doubted or float(p[self._sensors].sum()) >= PROBABLE
         slow = slowed(self._is_slow(context), float(p[0]), sensor, corrected)
+        if self._not_judged.HasValue(context):
+            slow = slow or (not corrected and float(self._not_judged.Eval(context)[0]) >= HARDER)
         discrete.get_mutable_vector(self._slow)[0] = float(slow)
         discrete.get_mutable_vector(self._doubted)[0] = doubted
 

@@ -20,11 +20,13 @@ from drift_drake.gap.monitoring.correction import GapCorrection, SlowDown
 from drift_drake.gap.monitoring.events import Events, Watcher
 from drift_drake.gap.monitoring.evidence import TRUSTED
 from drift_drake.gap.monitoring.watch import VerdictAt
+from drift_drake.gap.monitoring.windowed.sums import harder
 
 _MEASURED = [CHANNELS.index(name) for name in ("r", "v", "beta", "omega_r")]
 _FURTHER = {name: LOG_ROW.index(name) for name in ("psi", "ax", "ay")}
 PREFIX = "gap_"  # of a run's columns: probabilities by name, and the leading effect's magnitude and onset
 FURTHER = ("magnitude", "low", "high")
+NOT_JUDGED = ("not_judged", "harder")
 Policy = Literal["watch", "correct", "slow", "correct_or_slow", "forget"]
 """What follows from a gap: nothing; what is named is corrected; the car is slowed down; slow until it is corrected; an
 adapter forgets."""
@@ -45,6 +47,7 @@ class GapMonitor(LeafSystem):
         magnitude [3]: of the leading effect, and its 95 % interval; in the catalogue's unit.
         onset [1]: time of the change [s], NaN while none is more probable.
         trusted [1]: 1 while the simulator may be believed (none at 0.5 or more), else 0.
+        not_judged [2]: seconds in a row until now that were driven harder than calibrated, and by what (`harder`).
 
     State in the Context, all discrete, each period of the monitor: its `State`, one group an array.
     """
@@ -59,15 +62,17 @@ class GapMonitor(LeafSystem):
         self._groups = [self.DeclareDiscreteState(a.ravel()) for a in arrays_of(self._start)]
         declare_update(self, monitor.period, self._update)
         verdict = {self.discrete_state_ticket(self._groups[-1])}
+        self._time = self._groups[len(arrays_of(self._start[: self._start._fields.index("seen")]))]
         for name, size, calc in (
             ("posterior", len(monitor.labels), lambda context: self.state(context).verdict[:-4]),
             ("magnitude", 3, lambda context: self.state(context).verdict[-4:-1]),
             ("onset", 1, self._onset),
             ("trusted", 1, lambda context: [float(self._trusted(context))]),
+            ("not_judged", 2, lambda context: context.get_discrete_state(self._time).value()[2:]),
         ):
             self.DeclareVectorOutputPort(
                 name, size, lambda context, output, calc=calc: output.SetFromVector(calc(context)),
-                prerequisites_of_calc=verdict,
+                prerequisites_of_calc=verdict if name != "not_judged" else {self.discrete_state_ticket(self._time)},
             )  # fmt: skip
 
     def state(self, context: Context) -> Any:
@@ -153,7 +158,8 @@ class GapWatch:
         slow = SlowDown(parameters, reference, self.monitor.labels, steps, period)
         builder.AddNamedSystem("slow_down", slow)
         wires = {"plan": ports.plan, "state": ports.measured_state, "command": ports.command,
-                 "reading": ports.reading, "posterior": posterior, "correction": corrected}  # fmt: skip
+                 "reading": ports.reading, "posterior": posterior, "correction": corrected,
+                 "not_judged": system.GetOutputPort("not_judged")}  # fmt: skip
         for name, port in wires.items():
             if port is not None:
                 builder.Connect(port, slow.GetInputPort(name))
@@ -167,18 +173,25 @@ def logged_ports(system: GapMonitor) -> dict[str, tuple[OutputPort, Sequence[str
         "gap_posterior": (system.GetOutputPort("posterior"), [f"{PREFIX}{name}" for name in system.monitor.labels]),
         "gap_magnitude": (system.GetOutputPort("magnitude"), [f"{PREFIX}{name}" for name in FURTHER]),
         "gap_onset": (system.GetOutputPort("onset"), [f"{PREFIX}onset"]),
+        "gap_not_judged": (system.GetOutputPort("not_judged"), [f"{PREFIX}{name}" for name in NOT_JUDGED]),
     }
 
 
 def verdicts_of(monitor: Watcher, table: pd.DataFrame) -> Iterator[VerdictAt]:
     """What the monitor said during a run, from its table."""
     columns = [f"{PREFIX}{name}" for name in (*monitor.labels, *FURTHER, "onset")]
-    rows = table[columns].to_numpy()
-    new = np.flatnonzero(np.any(np.diff(rows[:, : len(monitor.labels)], axis=0) != 0.0, axis=1)) + 1
-    reported = Events()
-    for i in new:
-        reported, events = reported.after(monitor, rows[i], float(table["t"].iloc[i]))
-        yield VerdictAt(float(table["t"].iloc[i]), rows[i], events, monitor.start().seen)
+    rows, driving = table[columns].to_numpy(), table[[f"{PREFIX}{name}" for name in NOT_JUDGED]].to_numpy()
+    judged, other = (np.any(np.diff(a, axis=0, prepend=a[:1]) != 0.0, axis=1)
+                     for a in (rows[:, : len(monitor.labels)], driving))  # fmt: skip
+    reported, seen = Events(), monitor.start().seen
+    for i in np.flatnonzero(judged | other):
+        t = float(table["t"].iloc[i])
+        seen = seen._replace(time=np.concatenate([[0.0, 0.0], driving[i]]))
+        reported, events = reported.after_driving(seen, harder, t)
+        if judged[i]:
+            reported, new = reported.after(monitor, rows[i], t)
+            events += new
+        yield VerdictAt(t, rows[i], events, seen)
 
 
 def events_of(monitor: Watcher, table: pd.DataFrame) -> list[dict[str, Any]]:

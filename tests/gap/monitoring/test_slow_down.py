@@ -99,6 +99,17 @@ def test_readings_that_were_refused_slow_nothing_until_the_simulator_is_believed
     assert slow_after(system, [(0.0, NORMAL, REFUSED), (1.1, NORMAL, GOOD), (1.2, UNKNOWN, GOOD)])
 
 
+@pytest.mark.parametrize(
+    ("seconds", "correction", "slow"), [(0.2, 0.0, 0), (0.4, 0.0, 1), (5.0, 0.0, 1), (5.0, 0.1, 0)]
+)
+def test_driving_that_the_calibration_had_not_slows_down_what_is_not_corrected(system, seconds, correction, slow):
+    context = system.CreateDefaultContext()
+    for name, value in {"posterior": NORMAL, "not_judged": [seconds, 1.0], "correction": [correction] * COUNT}.items():
+        system.GetInputPort(name).FixValue(context, value)
+    context.SetDiscreteState(system.EvalUniquePeriodicDiscreteUpdate(context))
+    assert system.GetOutputPort("slow").Eval(context)[0] == slow
+
+
 def test_a_car_on_a_slippery_road_is_slowed_down_on_its_lane_and_replays(short):
     loop = ClosedLoop(VEHICLE, short, NominalStepModel(VEHICLE), Effects(aero_drag=1e-9),
                       control=ControlConfig(horizon=8, period=0.02, delay=0.02),

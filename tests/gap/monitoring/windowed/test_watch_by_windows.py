@@ -5,6 +5,7 @@ import json
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 from pydrake.systems.framework import FixedInputPortValue
 
@@ -18,7 +19,7 @@ from drift_drake.common.run_folder import to_json
 from drift_drake.gap.estimation.scores import block_scores, make_day
 from drift_drake.gap.estimation.windows import windowed
 from drift_drake.gap.monitoring.baselines import OfPrediction, baseline_given, calibrated_watcher, learn_baseline
-from drift_drake.gap.monitoring.in_loop import GapMonitor
+from drift_drake.gap.monitoring.in_loop import GapMonitor, events_of, logged_ports
 from drift_drake.gap.monitoring.watch import rows_of, watched
 from drift_drake.gap.monitoring.windowed.baseline import sums_of_all, windows_of, with_errors_ahead
 from drift_drake.gap.monitoring.windowed.monitor import WindowMonitor
@@ -125,13 +126,15 @@ def test_nothing_comes_with_what_would_have_been_seen(files: Path, capsys: pytes
     assert "gyro_bias" in said
 
 
-def test_harder_driving_is_said_and_raises_nothing(files: Path) -> None:
+def harder_run(files: Path) -> Run:
+    """The drive of the same car, braked from 3 s on as the calibration never was."""
     run = run_of(files, "same")
-    late = run.t > 3.0
-    harder = dataclasses.replace(
-        run, tau_cmd=np.where(late, -4.0 * np.abs(np.asarray(run.tau_cmd)) - 900.0, run.tau_cmd)
-    )
-    seen = drift_drake.watch(harder, files / "car.yaml", files / "car.json")
+    braked = np.where(run.t > 3.0, -4.0 * np.abs(np.asarray(run.tau_cmd)) - 900.0, run.tau_cmd)
+    return dataclasses.replace(run, tau_cmd=braked)
+
+
+def test_harder_driving_is_said_and_raises_nothing(files: Path) -> None:
+    seen = drift_drake.watch(harder_run(files), files / "car.yaml", files / "car.json")
     assert [event["event"] for event in seen.events] == ["not_judged"]
     assert "torque" in seen.events[0]["harder"]
     assert seen.not_judged > 3.0
@@ -146,16 +149,20 @@ def test_a_rate_of_false_alarms_is_asked_for(files: Path, capsys: pytest.Capture
     assert "give a rate" in capsys.readouterr().err
 
 
-def test_drakes_system_says_the_same_as_the_batch(files: Path, monitor: WindowMonitor) -> None:
-    run = run_of(files, "late")
+@pytest.mark.parametrize("driven", ["late", "harder"])
+def test_drakes_system_says_the_same_as_the_batch(files: Path, monitor: WindowMonitor, driven: str) -> None:
+    run = run_of(files, driven) if driven == "late" else harder_run(files)
     system = GapMonitor(monitor)
+    logged, table = logged_ports(system), list[dict[str, float]]()
     context = system.CreateDefaultContext()
     ports: dict[str, FixedInputPortValue] = {
         name: system.GetInputPort(name).FixValue(context, np.zeros(size))
         for name, size in (("measured_state", 7), ("command", 2), ("log_row", 10))
     }
-    verdicts = {round(judged.t, 2): judged.verdict for judged in watched(monitor, rows_of(run))}
-    for row in list(rows_of(run))[:560]:
+    rows = list(rows_of(run))[:560]
+    batch = list(watched(monitor, iter(rows)))
+    verdicts = {round(judged.t, 2): judged for judged in batch}
+    for row in rows:
         ports["measured_state"].GetMutableData().get_mutable_value().SetFromVector([*row.y[:4], 0.0, 0.0, 0.0])
         ports["command"].GetMutableData().get_mutable_value().SetFromVector(row.command)
         further = np.zeros(10)
@@ -166,8 +173,16 @@ def test_drakes_system_says_the_same_as_the_batch(files: Path, monitor: WindowMo
         system.CalcForcedDiscreteVariableUpdate(context, discrete)
         context.SetDiscreteState(discrete)
         if round(row.t, 2) in verdicts:
-            found = system.GetOutputPort("posterior").Eval(context)
-            np.testing.assert_allclose(found, verdicts[round(row.t, 2)][:-4], atol=1e-9)
+            found, judged = system.GetOutputPort("posterior").Eval(context), verdicts[round(row.t, 2)]
+            np.testing.assert_allclose(found, judged.verdict[:-4], atol=1e-9)
+            np.testing.assert_array_equal(system.GetOutputPort("not_judged").Eval(context), judged.seen.time[2:])
+        values = {name: value for port, names in logged.values()
+                  for name, value in zip(names, port.Eval(context), strict=True)}  # fmt: skip
+        table.append({"t": row.t, **values})
+    said = [(event["event"], event["t"], event.get("harder")) for one in batch for event in one.events]
+    events = events_of(monitor, pd.DataFrame(table))
+    assert [(event["event"], event["t"], event.get("harder")) for event in events] == said
+    assert said[0][0] == ("change" if driven == "late" else "not_judged")
 
 
 @pytest.mark.parametrize(

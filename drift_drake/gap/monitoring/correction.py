@@ -179,11 +179,11 @@ class SlowDown(LeafSystem):
         corrected = self._correction.HasValue(context) and (
             cause_to_take(self._labels, p) is not None or bool(np.any(self._correction.Eval(context)))
         )
-        doubted = self._doubted_until(context, believed=bool(p[0] >= TRUSTED))
+        harder = self._not_judged.HasValue(context) and float(self._not_judged.Eval(context)[0]) >= HARDER
+        doubted = self._doubted_until(context, believed=bool(p[0] >= TRUSTED) and not harder)
         sensor = context.get_time() < doubted or float(p[self._sensors].sum()) >= PROBABLE
         slow = slowed(self._is_slow(context), float(p[0]), sensor, corrected)
-        if self._not_judged.HasValue(context):
-            slow = slow or (not corrected and float(self._not_judged.Eval(context)[0]) >= HARDER)
+        slow = slow or (harder and not sensor and not corrected)
         discrete.get_mutable_vector(self._slow)[0] = float(slow)
         discrete.get_mutable_vector(self._doubted)[0] = doubted
 

@@ -68,11 +68,18 @@ def test_plans_are_handed_on_where_they_are_to_be_followed(system):
     np.testing.assert_array_equal(output_after(system, 0.0, drifting, correction), plan)
 
 
-def slow_after(system: SlowDown, rows: list[tuple[float, list[float], ReadingKind]], correcting: bool = False) -> bool:
+def slow_after(
+    system: SlowDown, rows: list[tuple[float, list[float], ReadingKind]], correcting: bool = False, harder: float = 0.0
+) -> bool:
     """Whether the car is slow after rows of (time, posterior, reading)."""
     context = system.CreateDefaultContext()
     drifting = np.array([0.7, 12.0, -0.6, 15.0, 0.0, 0.0, 5.0])
-    ports = {"plan": np.arange(plan_size(STEPS)), "command": [0.1, 50.0], "state": drifting}
+    ports = {
+        "plan": np.arange(plan_size(STEPS)),
+        "command": [0.1, 50.0],
+        "state": drifting,
+        "not_judged": [harder, 1.0],
+    }
     for name, value in ports.items() if not correcting else {**ports, "correction": np.zeros(COUNT)}.items():
         system.GetInputPort(name).FixValue(context, value)
     for t, posterior, reading in rows:
@@ -108,6 +115,13 @@ def test_driving_that_the_calibration_had_not_slows_down_what_is_not_corrected(s
         system.GetInputPort(name).FixValue(context, value)
     context.SetDiscreteState(system.EvalUniquePeriodicDiscreteUpdate(context))
     assert system.GetOutputPort("slow").Eval(context)[0] == slow
+
+
+def test_driving_that_follows_readings_that_were_refused_slows_nothing(system):
+    rows = [(0.0, NORMAL, REFUSED), (0.5, NORMAL, GOOD), (1.4, NORMAL, GOOD)]
+    assert slow_after(system, [(0.0, NORMAL, GOOD), *rows[1:]], harder=0.5)
+    assert not slow_after(system, rows, harder=0.5)
+    assert not slow_after(system, rows, harder=0.0)
 
 
 def test_a_car_on_a_slippery_road_is_slowed_down_on_its_lane_and_replays(short):

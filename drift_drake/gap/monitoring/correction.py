@@ -29,7 +29,7 @@ from drift_drake.gap.monitoring.evidence import ALARM, TRUSTED
 GRIP_SHARE = 0.3  # of the tyres' friction that the tightest bend asks for at the safe pace
 PROBABLE = 0.5
 REFUSED = (ReadingKind.JUMPED, ReadingKind.DISAGREEING)
-DOUBTED = 1.0  # [s] after readings were refused; a sensor's error is reported within it
+DOUBTED = 10  # verdicts after readings were refused; a sensor's error is reported within them
 HARDER = 0.4  # [s] in a row that are driven harder than calibrated: two windows
 UNWINDING = 0.5  # [1/s] of the sideslip: on a slippery road it is the slide that sheds speed
 
@@ -134,7 +134,7 @@ class SlowDown(LeafSystem):
     State in the Context, each `period`: whether it is, and the time [s] until which readings are doubted.
 
     Args:
-        labels: of the posterior; steps: N.
+        labels: of the posterior; steps: N; verdict: time between two of the monitor's [s].
     """
 
     def __init__(
@@ -144,8 +144,10 @@ class SlowDown(LeafSystem):
         labels: Sequence[str],
         steps: int,
         period: float = 0.01,
+        verdict: float = 0.1,
     ) -> None:
         LeafSystem.__init__(self)
+        self._doubts = DOUBTED * verdict
         self._parameters, self._path, self._steps, self._period = parameters, reference.path, steps, period
         self.pace = safe_pace(reference, parameters)
         self._plan = self.DeclareVectorInputPort("plan", plan_size(steps))
@@ -191,4 +193,4 @@ class SlowDown(LeafSystem):
         """For a while after readings were refused, and on while the simulator is not believed."""
         t, before = context.get_time(), float(context.get_discrete_state(self._doubted).value()[0])
         refused = self._reading.HasValue(context) and int(self._reading.Eval(context)[0]) in REFUSED
-        return t + DOUBTED if refused or (t < before and not believed) else before
+        return t + self._doubts if refused or (t < before and not believed) else before

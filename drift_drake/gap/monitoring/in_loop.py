@@ -155,7 +155,7 @@ class GapWatch:
             )
         if self.policy not in SLOWING:
             return watched
-        slow = SlowDown(parameters, reference, self.monitor.labels, steps, period)
+        slow = SlowDown(parameters, reference, self.monitor.labels, steps, period, self.monitor.block)
         builder.AddNamedSystem("slow_down", slow)
         wires = {"plan": ports.plan, "state": ports.measured_state, "command": ports.command,
                  "reading": ports.reading, "posterior": posterior, "correction": corrected,

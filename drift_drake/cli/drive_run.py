@@ -27,7 +27,7 @@ from drift_drake.drive.learnt.checkpoint import load_model, load_varied
 from drift_drake.drive.learnt.lag_bank import BANK
 from drift_drake.drive.learnt.quality import step_model
 from drift_drake.drive.loop.closed_loop import ClosedLoop, ClosedLoopRun, ControlConfig
-from drift_drake.drive.loop.earlier_drive import beliefs_after, check_earlier_drive
+from drift_drake.drive.loop.earlier_drive import HELD, beliefs_after, check_earlier_drive
 from drift_drake.drive.loop.endings import RunLimits
 from drift_drake.drive.loop.faults import parse_fault
 from drift_drake.drive.loop.metrics import RunMetrics
@@ -175,6 +175,8 @@ def main(config: ClosedLoopConfig, to: TextIO | None = None) -> dict[str, Any]:
         f"{m.faults()}{run.error and f'error: {run.error}' + chr(10)}results in {folder}",
         file=to,
     )
+    if config.model in ADAPTING and m.completed and m.drifting >= HELD:
+        print(f"a second attempt can begin with what this one taught: --after {folder / 'run_0.csv'}", file=to)
     return {"out": folder, "metrics": m, "events": events}
 
 

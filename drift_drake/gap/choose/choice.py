@@ -91,7 +91,7 @@ class Choice(NamedTuple):
     def sentence(self) -> str:
         """What follows from it."""
         found = self.found
-        adapt = "let the learnt model adapt as it drives (drift-drake drive --model varied)"
+        adapt = "let the learnt model adapt as it drives (drift-drake drive --model varied; a second time with --after)"
         if found.doubts:
             return f"no model is believed on these drives: {'; '.join(found.doubts)}"
         if self.believed == "identified":

@@ -3,10 +3,11 @@
 import dataclasses
 import json
 from pathlib import Path
-from typing import Any, Literal, TextIO
+from typing import Any, Literal, NamedTuple, TextIO
 
 import numpy as np
 import pandas as pd
+from pydrake.systems.framework import Context
 
 from drift_drake.car.car_file import read_plant
 from drift_drake.car.double_track.parameters import CARS
@@ -27,7 +28,7 @@ from drift_drake.drive.learnt.checkpoint import load_model, load_varied
 from drift_drake.drive.learnt.lag_bank import BANK
 from drift_drake.drive.learnt.quality import step_model
 from drift_drake.drive.loop.closed_loop import ClosedLoop, ClosedLoopRun, ControlConfig
-from drift_drake.drive.loop.earlier_drive import HELD, beliefs_after, check_earlier_drive
+from drift_drake.drive.loop.earlier_drive import HELD, beliefs_after
 from drift_drake.drive.loop.endings import RunLimits
 from drift_drake.drive.loop.faults import parse_fault
 from drift_drake.drive.loop.metrics import RunMetrics
@@ -43,7 +44,6 @@ from drift_drake.view.pictures.overhead import overhead
 from drift_drake.view.pictures.replay import replay
 from drift_drake.view.pictures.time_series import solver_work, time_series
 
-ADAPTING = ("online", "offset_free", "varied")
 LATERAL_ERROR = 0.5  # [m] at the start, for a car of the default one's size
 
 
@@ -118,20 +118,44 @@ def build(config: ClosedLoopConfig) -> ClosedLoop:
                       faults=faults, watch=watch, sensor_errors=errors)  # fmt: skip
 
 
-def run_closed_loop(config: ClosedLoopConfig) -> ClosedLoopRun:
-    """One run; the same config gives the same run to the bit (wall times aside)."""
+class StartedRun(NamedTuple):
+    """A run before it begins."""
+
+    loop: ClosedLoop
+    context: Context
+    limits: RunLimits
+
+    def run(self) -> ClosedLoopRun:
+        return self.loop.run(self.context, self.limits)
+
+
+def started(config: ClosedLoopConfig) -> StartedRun:
+    """The loop of a config at its start, with what an earlier drive has taught.
+
+    Raises:
+        InvalidOptionError: such a drive for a model that does not adapt; InvalidLogError: one that is none of this
+            course, or did not hold its drifts; and those of `build`.
+    """
     # In a steady state the course is along the path: an error in sideslip alone is one of the heading.
     unit = similarity(config.parameters()).length
     lateral = LATERAL_ERROR * unit if config.lateral_error is None else config.lateral_error
     error = np.array([0.0, 0.0, config.sideslip_error, 0.0, lateral, 0.0])
     loop = build(config)
     context = loop.initial_context(config.seed, error)
-    if config.after is not None and loop.adapter is not None:
+    if config.after is not None:
+        if loop.adapter is None:
+            raise InvalidOptionError(
+                f"--after is for a model that adapts, not {config.model}: online, offset_free or varied"
+            )
         run = only_run(config.after, "--after")
         beliefs = beliefs_after(loop.adapter.model, run, loop.reference, loop.adapter.lags)
         loop.adapter.set_beliefs(loop.adapter.GetMyMutableContextFromRoot(context), beliefs)
-    limits = RunLimits(lane_margin=RunLimits().lane_margin * unit)
-    return loop.run(context, limits)
+    return StartedRun(loop, context, RunLimits(lane_margin=RunLimits().lane_margin * unit))
+
+
+def run_closed_loop(config: ClosedLoopConfig) -> ClosedLoopRun:
+    """One run; the same config gives the same run to the bit (wall times aside)."""
+    return started(config).run()
 
 
 def main(config: ClosedLoopConfig, to: TextIO | None = None) -> dict[str, Any]:
@@ -143,17 +167,13 @@ def main(config: ClosedLoopConfig, to: TextIO | None = None) -> dict[str, Any]:
     Returns:
         The folder of the results (`out`), and the pictures of the diagram, or the run's metrics and events.
     """
-    reference = reference_of(config)  # what cannot be driven is said before a folder is made
-    if config.after is not None:
-        if config.model not in ADAPTING:
-            raise InvalidOptionError(f"--after is for a model that adapts, not {config.model}: {', '.join(ADAPTING)}")
-        check_earlier_drive(only_run(config.after, "--after"), reference)
+    start = started(config)  # what cannot be driven is said before a folder is made
     folder = make_run_folder("closed_loop", config.out)
     if config.graph:
-        pictures = draw_graph(build(config).diagram, folder / "closed_loop")
+        pictures = draw_graph(start.loop.diagram, folder / "closed_loop")
         print(*pictures, sep="\n", file=to)
         return {"out": folder, "pictures": pictures}
-    run = run_closed_loop(config)
+    run = start.run()
     m = run.metrics()
     events = []
     if isinstance(run.watch, GapWatch):
@@ -175,7 +195,7 @@ def main(config: ClosedLoopConfig, to: TextIO | None = None) -> dict[str, Any]:
         f"{m.faults()}{run.error and f'error: {run.error}' + chr(10)}results in {folder}",
         file=to,
     )
-    if config.model in ADAPTING and m.completed and m.drifting >= HELD:
+    if start.loop.adapter is not None and m.completed and m.drifting >= HELD:
         print(f"a second attempt can begin with what this one taught: --after {folder / 'run_0.csv'}", file=to)
     return {"out": folder, "metrics": m, "events": events}
 

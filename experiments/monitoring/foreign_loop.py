@@ -39,7 +39,7 @@ from drift_drake.gap.monitoring.in_loop import GapWatch, events_of
 from experiments.made import RunConfig, SpreadConfig, begun, write_report
 from experiments.monitoring.closed_loop import CHANGES, PATCH, as_log, disturbances, pairs, reference, table
 from experiments.other_worlds.changing_car import ChangingCar
-from experiments.other_worlds.multi_body import draw_multi_body
+from experiments.other_worlds.true_cars import Stepped
 from experiments.settings import run_kept
 
 Plant = Literal["multi_body", "mujoco"]
@@ -73,12 +73,7 @@ class Vehicle(NamedTuple):
         return f"{self.plant}-{self.number:03d}"
 
     def made(self, friction: float = 1.0) -> SteppedCar:
-        """The car on tyres whose friction is multiplied by a factor."""
-        if self.plant == "multi_body":
-            return draw_multi_body(self.number, self.seed, friction)
-        from experiments.other_worlds.mujoco_drifter import draw_mujoco
-
-        return draw_mujoco(self.number, self.seed, friction)
+        return Stepped(self.plant, self.number, self.seed).made(friction)
 
     def onset(self) -> float:
         """When it changes [s]."""

@@ -30,19 +30,19 @@ class Stepped(NamedTuple):
     vehicle: int
     seed: int
 
-    def made(self) -> SteppedCar:
-        """The car.
+    def made(self, friction: float = 1.0) -> SteppedCar:
+        """The car, on tyres whose friction is multiplied by a factor.
 
         Raises:
             MissingExtraError: its program is not installed.
         """
         if self.world == "multi_body":
-            return draw_multi_body(self.vehicle, self.seed)
+            return draw_multi_body(self.vehicle, self.seed, friction)
         try:
             from experiments.other_worlds.mujoco_drifter import draw_mujoco
         except ImportError:
             raise MissingExtraError("the MuJoCo car", "mujoco", "worlds") from None
-        return draw_mujoco(self.vehicle, self.seed)
+        return draw_mujoco(self.vehicle, self.seed, friction)
 
 
 TrueCar = OwnCar | BrushParameters | Stepped

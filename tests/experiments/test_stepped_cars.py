@@ -2,7 +2,6 @@
 
 import dataclasses
 import math
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,7 +13,6 @@ from drift_drake.car.step_model import NominalStepModel
 from drift_drake.common.errors import InvalidOptionError
 from drift_drake.drive.loop.closed_loop import ClosedLoop
 from drift_drake.drive.reference.trajectory import figure_8
-from experiments.monitoring.foreign_loop import Vehicle
 from experiments.other_worlds.changing_car import ChangingCar
 from experiments.other_worlds.true_cars import effects_in, oracle, true_car, true_plant
 
@@ -151,10 +149,9 @@ def test_a_car_changes_for_a_while_and_back() -> None:
 @pytest.mark.parametrize("world", WORLDS)
 def test_less_friction_stops_a_sliding_car_later(world: str) -> None:
     made(world)
-    vehicle = Vehicle(world, 0, 5, Path())
     speeds = {}
     for factor in (1.0, 0.7):
-        car = vehicle.made(factor)
+        car = true_car(world, 0, 5).made(factor)
         own = car.start((0.0, 15.0, 0.0, 0.0), (0.0, 0.0, 0.0), np.zeros(2))
         for _ in range(100):
             own = car.step(own, np.array([0.0, -2000.0]), np.zeros(3), 0.002)

@@ -107,14 +107,15 @@ def safe_pace(reference: Reference, parameters: VehicleParameters) -> float:
     )
 
 
-def slowed(slow: bool, none: float, sensor: bool, corrected: bool) -> bool:
+def slowed(slow: bool, none: float, sensor: bool, corrected: bool, harder: bool = False) -> bool:
     """Whether the car is to be slow after a verdict.
 
     Args:
         slow: whether it was; none: probability that the simulator lacks nothing;
-        sensor: whether it is probably a sensor's error; corrected: whether the controller knows what it lacks.
+        sensor: whether it is probably a sensor's error; corrected: whether the controller knows what it lacks;
+        harder: whether the car is driven harder than calibrated.
     """
-    return not corrected and not sensor and (none < ALARM or (slow and none < TRUSTED))
+    return not corrected and not sensor and (harder or none < ALARM or (slow and none < TRUSTED))
 
 
 class SlowDown(LeafSystem):
@@ -184,8 +185,7 @@ class SlowDown(LeafSystem):
         harder = self._not_judged.HasValue(context) and float(self._not_judged.Eval(context)[0]) >= HARDER
         doubted = self._doubted_until(context, believed=bool(p[0] >= TRUSTED) and not harder)
         sensor = context.get_time() < doubted or float(p[self._sensors].sum()) >= PROBABLE
-        slow = slowed(self._is_slow(context), float(p[0]), sensor, corrected)
-        slow = slow or (harder and not sensor and not corrected)
+        slow = slowed(self._is_slow(context), float(p[0]), sensor, corrected, harder)
         discrete.get_mutable_vector(self._slow)[0] = float(slow)
         discrete.get_mutable_vector(self._doubted)[0] = doubted
 

@@ -61,18 +61,17 @@ class GapMonitor(LeafSystem):
         self._start = monitor.start()
         self._groups = [self.DeclareDiscreteState(a.ravel()) for a in arrays_of(self._start)]
         declare_update(self, monitor.period, self._update)
-        verdict = {self.discrete_state_ticket(self._groups[-1])}
-        self._time = self._groups[len(arrays_of(self._start[: self._start._fields.index("seen")]))]
-        for name, size, calc in (
-            ("posterior", len(monitor.labels), lambda context: self.state(context).verdict[:-4]),
-            ("magnitude", 3, lambda context: self.state(context).verdict[-4:-1]),
-            ("onset", 1, self._onset),
-            ("trusted", 1, lambda context: [float(self._trusted(context))]),
-            ("not_judged", 2, lambda context: context.get_discrete_state(self._time).value()[2:]),
+        verdict, time = self._groups[-1], self._groups[len(arrays_of(self._start[: self._start._fields.index("seen")]))]
+        for name, size, group, calc in (
+            ("posterior", len(monitor.labels), verdict, lambda context: self.state(context).verdict[:-4]),
+            ("magnitude", 3, verdict, lambda context: self.state(context).verdict[-4:-1]),
+            ("onset", 1, verdict, self._onset),
+            ("trusted", 1, verdict, lambda context: [float(self._trusted(context))]),
+            ("not_judged", 2, time, lambda context: context.get_discrete_state(time).value()[2:]),
         ):
             self.DeclareVectorOutputPort(
                 name, size, lambda context, output, calc=calc: output.SetFromVector(calc(context)),
-                prerequisites_of_calc=verdict if name != "not_judged" else {self.discrete_state_ticket(self._time)},
+                prerequisites_of_calc={self.discrete_state_ticket(group)},
             )  # fmt: skip
 
     def state(self, context: Context) -> Any:

@@ -66,6 +66,6 @@ from .gap.diagnosis.diagnose import diagnose as diagnose
 from .gap.diagnosis.reports.any_report import report as report
 from .gap.identification.identify import identify as identify
 from .gap.logs.importing.import_logs import import_logs as import_logs
-from .gap.monitoring.watch_log import watch as watch
 from .gap.next_drive.plan import plan_from_answer as plan_from_answer
+from .gap.watching.watch_log import watch as watch
 from .view.playback.replay import replay as replay

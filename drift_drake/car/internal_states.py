@@ -129,6 +129,7 @@ class InternalStateObserver(LeafSystem):
     def __init__(self, model: "RememberingStepModel", period: float = 0.01) -> None:
         LeafSystem.__init__(self)
         self._model, self._period = model, period
+        self._made = np.empty(0), model  # scratch: the last theta's model
         self._measured = self.DeclareVectorInputPort("measured_state", 7)
         self._command = self.DeclareVectorInputPort("command", 2)
         self._theta = self.DeclareVectorInputPort("theta", COUNT)
@@ -148,7 +149,10 @@ class InternalStateObserver(LeafSystem):
         measured, command = self._measured.Eval(context), self._command.Eval(context)
         model = self._model
         if self._theta.HasValue(context):
-            model = model.with_theta(self._theta.Eval(context))
+            theta = self._theta.Eval(context)
+            if not np.array_equal(theta, self._made[0]):
+                self._made = np.array(theta), model.with_theta(theta)
+            model = self._made[1]
         if not np.isfinite(measured).all():  # no reading: go on from the last one
             measured = held[1:8]
         internal = followed(model, measured[:4], command, held[1:-2], held[-2:], self._period)

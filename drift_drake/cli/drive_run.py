@@ -36,9 +36,9 @@ from drift_drake.drive.reference.similarity import similarity, time_step
 from drift_drake.drive.reference.trajectory import Reference, figure_8, loops
 from drift_drake.gap.monitoring.events import sentence
 from drift_drake.gap.monitoring.in_loop import CORRECTING, GapWatch, verdicts_of
-from drift_drake.gap.monitoring.live_page import shown_while
 from drift_drake.gap.monitoring.monitor import make_monitor
 from drift_drake.gap.monitoring.watch import WATCHED
+from drift_drake.gap.watching.live_page import shown_while
 from drift_drake.view.pictures.graph import draw_graph
 from drift_drake.view.pictures.overhead import overhead
 from drift_drake.view.pictures.replay import replay

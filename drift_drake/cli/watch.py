@@ -56,7 +56,7 @@ def run_watch(command: Watch) -> None:
     try_outputs({"--json": command.json, "--page": command.page}, inputs)
     with ended_at_once():
         from drift_drake.gap.monitoring.events import sentence
-        from drift_drake.gap.monitoring.watch_log import watch
+        from drift_drake.gap.watching.watch_log import watch
 
     reported: list[Mapping[str, Any]] = []
 

@@ -17,7 +17,6 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 import pandas as pd
-from scipy.stats import chi2
 
 from diagrams.command import run_command
 from drift_drake.car.effects.magnitudes import Effects
@@ -25,12 +24,14 @@ from drift_drake.car.log.cases import runs_of
 from drift_drake.car.log.table import InvalidLogError, Run
 from drift_drake.car.parameters import CarParameters, VehicleParameters
 from drift_drake.cli.drive_run import as_logged
+from drift_drake.common.arrays import Array
 from drift_drake.common.executors import run_jobs
 from drift_drake.common.run_folder import is_done, write_json
 from drift_drake.common.threads import one_blas_thread
 from drift_drake.drive.gathering.config import GatheringConfig
 from drift_drake.drive.gathering.plan import plan_drive
 from drift_drake.drive.learnt.checkpoint import load_model, load_varied
+from drift_drake.drive.learnt.noise import within
 from drift_drake.drive.learnt.quality import squared_distances
 from drift_drake.drive.learnt.samples import samples_from_log
 from drift_drake.drive.loop.closed_loop import ControlConfig
@@ -87,11 +88,11 @@ class Vehicle(NamedTuple):
         return informative_drives(learnt, first, Effects(), config, 0, self.made()).tables
 
 
-def held_by_covariance(log: pd.DataFrame) -> float:
-    """The share of a drive's samples within the 95 % region of what that model believed before each, eq. (7)."""
+def distances_of(log: pd.DataFrame) -> Array:
+    """Squared Mahalanobis distances of a drive's samples from what that model believed before each, eq. (7)."""
     model = load_varied()
     samples = samples_from_log(log.assign(e=0.0, dphi=0.0), None, 0, 0, lag=model.lag)
-    return float(np.mean(squared_distances(model, model.prior(), samples) <= chi2(len(model.sigma)).ppf(0.95)))
+    return squared_distances(model, model.prior(), samples)
 
 
 def single_track(runs: Sequence[Run]) -> IdentifiedCar:
@@ -140,8 +141,8 @@ def attempts(vehicle: Vehicle) -> dict[str, Any]:
         keep("oracle", "oracle")
     judged = [windowed(run)]
     errors = {kind: car_error(car, judged) for kind, car in cars.items()}
-    within = held_by_covariance(first)
-    return {"vehicle": vehicle.number, "errors": errors, "within": within, "refused": refused, "attempts": found}
+    held = float(np.mean(within(distances_of(first), 0.95)))
+    return {"vehicle": vehicle.number, "errors": errors, "within": held, "refused": refused, "attempts": found}
 
 
 def text(rows: Sequence[dict[str, Any]]) -> str:

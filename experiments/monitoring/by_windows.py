@@ -24,7 +24,7 @@ from drift_drake.car.log.table import Run
 from drift_drake.car.vehicle_file import write_vehicle
 from drift_drake.common.run_folder import write_json
 from drift_drake.gap.identification.identify import identify
-from drift_drake.gap.monitoring.watch_log import OF_A_CHANGE, watch
+from drift_drake.gap.watching.watch_log import OF_A_CHANGE, watch
 from experiments.made import tabulated, write_report
 from experiments.monitoring.drives import changed_double_track_drive
 from experiments.other_worlds.days import Days, first_guess, make_day, smoothed
@@ -72,6 +72,7 @@ class Watched:
     shown: bool  # whether the drive could show the change, by the limits that the watch states itself
     reported: float | None  # [s] after the change, or after the start where there is none
     cause: str  # the last one that was named, or that the report led with
+    monitored: str  # the same of the monitor alone, without a diagnosis of the rows since the change
     rivals: tuple[str, ...]  # that were named with it
     early: int  # reports before the change
     cpu: float  # [s] that the watch took
@@ -113,10 +114,11 @@ def watched(config: Config, files: tuple[Path, Path], kind: str, name: str, q: f
     events = [event for event in seen.events if event["event"] in OF_A_CHANGE]
     late = [event for event in events if event["t"] > begins]
     reports = [event["t"] - begins for event in late if event["event"] == "change"]
-    last = next((event for event in reversed(late) if "cause" in event), {"cause": ""})
+    named = [{"cause": ""}, *(event for event in late if "cause" in event)]
+    last, alone = named[-1], next(event["cause"] for event in reversed(named) if "diagnosed" not in event)
     return Watched(
         kind, name, q, float(run.t[-1]), seen.judged, bool(name) and shows(seen.limits, name, q),
-        reports[0] if reports else None, last["cause"], (*last.get("rivals", ()), *last.get("or", ())),
+        reports[0] if reports else None, last["cause"], alone, (*last.get("rivals", ()), *last.get("or", ())),
         len(events) - len(late), cpu,
     )  # fmt: skip
 
@@ -140,9 +142,10 @@ def table(found: Sequence[Watched]) -> str:
                         for others in ([()] * len(hit), [w.rivals for w in hit]))  # fmt: skip
         count = f"{np.mean([len(w.rivals) for w in hit]):.1f}" if hit else "-"
         delay = f"{np.median([w.reported for w in hit if w.reported is not None]):.1f}" if hit else "-"
-        rows.append((f"{label}: {len(some)}", soon, len(hit), right, among, count, delay))
-    heads = ("changes", "reported within 3 s", "at all", "last cause right", "right, or among its rivals",
-             "rivals, mean", "median delay [s]")  # fmt: skip
+        alone = sum(w.effect == w.monitored for w in hit)
+        rows.append((f"{label}: {len(some)}", soon, len(hit), alone, right, among, count, delay))
+    heads = ("changes", "reported within 3 s", "at all", "last cause right by the monitor alone",
+             "with the diagnosis", "right, or among its rivals", "rivals, mean", "median delay [s]")  # fmt: skip
     share = sum(w.judged for w in calm) / max(sum(w.seconds for w in calm), 1e-9)
     low, high = poisson(alarms)
     rate = f"{alarms / max(hours, 1e-9):.2f} (95 %: {low / max(hours, 1e-9):.2f} to {high / max(hours, 1e-9):.2f})"

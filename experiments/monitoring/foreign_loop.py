@@ -43,8 +43,8 @@ from experiments.other_worlds.true_cars import Stepped
 from experiments.settings import run_kept
 
 Plant = Literal["multi_body", "mujoco"]
-Mode = Literal["off", "slow"]
-MODES: tuple[Mode, ...] = ("off", "slow")
+Mode = Literal["off", "slow", "correct_or_slow"]
+MODES: tuple[Mode, ...] = ("off", "slow", "correct_or_slow")
 CHANGED = tuple(name for name in CHANGES if name != "friction fade")
 ONSETS = (3.0, 8.0)  # [s]
 NORMAL = (900, 901, 902)  # seeds of the noise of normal drives

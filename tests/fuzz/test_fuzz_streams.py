@@ -23,9 +23,9 @@ from drift_drake.drive.loop.faults import KINDS, Fault, parse_fault
 from drift_drake.drive.reference.trajectory import figure_8
 from drift_drake.gap.estimation.filter_state import CHANNELS
 from drift_drake.gap.logs.importing.look import look
-from drift_drake.gap.monitoring.follow import as_rows, growing_rows, head_of, on_the_clock
 from drift_drake.gap.monitoring.monitor import Monitor, make_monitor
 from drift_drake.gap.monitoring.watch import monitor_of
+from drift_drake.gap.watching.follow import as_rows, growing_rows, head_of, on_the_clock
 
 CAR = VehicleParameters()
 

@@ -14,6 +14,7 @@ from drift_drake.drive.learnt.checkpoint import BayesianModel
 from drift_drake.drive.learnt.command_lag import TIME_STEP, CommandLag
 from drift_drake.drive.learnt.features import COVARIANCE_COUNT, FEATURE_COUNT, MEAN_COUNT, STATE_COUNT
 from drift_drake.drive.learnt.hybrid_step import left_over
+from drift_drake.drive.learnt.noise import Noise
 from drift_drake.drive.learnt.posterior import Posterior, mahalanobis, predict, update_and_density
 
 MEASURED_COUNT = 7  # (r, v, beta, omega_r, e, dphi, s)
@@ -30,6 +31,7 @@ class Adapted(NamedTuple):
     posterior: Posterior
     density: float  # log of the sample's by the belief before it [nat]
     left: Array  # what the learnt states did over the step, less what the posterior's mean says [4]
+    distance: float  # of the sample from what was predicted of it (`mahalanobis`)
 
 
 class Beliefs(NamedTuple):
@@ -62,12 +64,13 @@ def adapt_bank(
         rows, *later = left_over(car, models[0].vehicle, rows, u[None], u_next[None], x_next[None])
         u, u_next, x_next = (part[0] for part in later)
     each = list(zip(models, posteriors, *bank_points(models, rows, u, u_next, x_next), strict=True))
-    if all(mahalanobis(predict(belief, model.sigma, phi), y) > threshold for model, belief, phi, y in each):
+    distances = [float(mahalanobis(predict(belief, model.sigma, phi), y)) for model, belief, phi, y in each]
+    if min(distances) > threshold:
         return None
     found = []
-    for model, belief, phi, y in each:
+    for (model, belief, phi, y), distance in zip(each, distances, strict=True):
         after, density = update_and_density(belief, model.sigma, phi, y, model.sample_weight)
-        found.append(Adapted(after, density, y - np.sum(after.mean * phi, axis=-1)))
+        found.append(Adapted(after, density, y - np.sum(after.mean * phi, axis=-1), distance))
     return found
 
 
@@ -91,6 +94,7 @@ class BayesianAdapter(LeafSystem):
             what theta says, in a running mean of the samples taken over `offset_time`. It holds what the features and
             their prior leave over, such as a resistance that no vehicle of the training had (offset-free predictive
             control: Pannocchia and Rawlings 2003). Zero without `offset_time`.
+        noise [2]: of `Noise`: how much more, or less, than the model states the car's samples lately scatter.
         internal_states [2]: the commands behind these lags.
         counters [2]: samples (taken, refused).
 
@@ -125,6 +129,7 @@ class BayesianAdapter(LeafSystem):
         self._trusted = self.DeclareVectorInputPort("trusted", 1)
         self._beliefs = [self.DeclareDiscreteState(np.tile(values.ravel(), count)) for values in prior]
         self._evidence = self.DeclareDiscreteState(count)
+        self._noise = self.DeclareDiscreteState(np.tile(Noise(), count))
         self._counters = self.DeclareDiscreteState(2)
         self._offset = self.DeclareDiscreteState(STATE_COUNT)
         # The last tick: its measured state, command and lagged commands; NaN before the first.
@@ -134,10 +139,12 @@ class BayesianAdapter(LeafSystem):
         self._frozen = self.DeclareNumericParameter(BasicVector([0.0]))
         self._threshold = self.DeclareNumericParameter(BasicVector([threshold]))
         believed = {self.discrete_state_ticket(index) for index in (*self._beliefs, self._evidence, self._offset)}
+        noise = self.discrete_state_ticket(self._noise)
         for name, size, calc, further in (
             ("posterior_mean", MEAN_COUNT, lambda context: self.posterior(context).mean.ravel(), ()),
             ("posterior_covariance", COVARIANCE_COUNT, lambda context: self.posterior(context).covariance.ravel(), ()),
             ("parameters", PARAMETER_COUNT, self._parameters, ()),
+            ("noise", len(Noise()), lambda context: np.array(self.noise(context)), (noise,)),
             ("internal_states", width, self._internal, (self._lagged.ticket(),)),
         ):
             declare_output(self, name, size, calc, {*believed, *further})
@@ -158,15 +165,18 @@ class BayesianAdapter(LeafSystem):
         if context.get_discrete_state(self._started).value()[0] > 0.5 and not frozen:
             threshold = context.get_numeric_parameter(self._threshold).value()[0]
             before, evidence, changed = self._remembered(context)
+            noise = [Noise()] * len(self.lags) if changed else self._noises(context)
             found = adapt_bank(
                 self._models, before, last[:6], last[8:].reshape(len(self.lags), -1), last[6:8], u, x, threshold,
                     self.car,
             )  # fmt: skip
             if found is not None:
+                noise = [of.after(one.distance**2) for of, one in zip(noise, found, strict=True)]
                 before, evidence = [one.posterior for one in found], evidence + [one.density for one in found]
             if found is not None or changed:
                 self._write(discrete, before)
                 discrete.set_value(self._evidence, evidence)
+                discrete.set_value(self._noise, np.ravel(noise))
             if self.offset_time is not None:
                 offset = np.zeros(STATE_COUNT) if changed else context.get_discrete_state(self._offset).value()
                 rise = 0.0 if found is None else found[int(np.argmax(evidence))].left - offset
@@ -209,6 +219,14 @@ class BayesianAdapter(LeafSystem):
     def posterior(self, context: Context) -> Posterior:
         """The posterior in a Context of this system, under the lags that are believed."""
         return self._posteriors(context)[self.believed(context)]
+
+    def _noises(self, context: Context) -> list[Noise]:
+        held = np.array(context.get_discrete_state(self._noise).value())
+        return [Noise(*map(float, row)) for row in held.reshape(len(self.lags), -1)]
+
+    def noise(self, context: Context) -> Noise:
+        """How far the car's samples lately were off what was stated of them, under the lags that are believed."""
+        return self._noises(context)[self.believed(context)]
 
     def set_posterior(self, context: Context, posterior: Posterior) -> None:
         """Puts a posterior into a Context of this system, under all lags alike."""

@@ -151,6 +151,18 @@ def concluded_from(
     )  # fmt: skip
 
 
+def halfway(kept: DayRanked, every: DayRanked) -> DayRanked:
+    """The verdict on hypotheses that were kept, with the mean of its probabilities and of those of every one."""
+    names = dict.fromkeys((*kept.probabilities, *every.probabilities))
+    means = {name: 0.5 * (kept.probabilities.get(name, 0.0) + every.probabilities.get(name, 0.0)) for name in names}
+    probabilities = dict(sorted(means.items(), key=lambda item: -item[1]))
+    lead = hypothesis_name(kept.leading.names)
+    is_it = probabilities.get(lead, 0.0) + probabilities.get(lead + TOO, 0.0)
+    sure = kept.decision == "cause" and is_it >= OPEN * (1.0 - probabilities.get(NONE, 0.0))
+    return dataclasses.replace(kept, probabilities=probabilities, ambiguity=ambiguity_set(probabilities),
+                               decision="cause" if sure else "cause_open")  # fmt: skip
+
+
 def explained(h: Hypothesis, none: Hypothesis) -> float:
     """Share of a gap, as a squared distance from normal beyond what is usual, that a hypothesis explains."""
     usual = 0.5 * none.scores

@@ -1,7 +1,7 @@
 """What is reported while a car is watched: a change, its cause, its end, and driving that cannot be judged."""
 
 import dataclasses
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
@@ -110,7 +110,7 @@ class Events:
             if count >= persists(name, monitor.block) and name != (now.cause if sure else now.leading):
                 now = dataclasses.replace(now, cause=name if sure else None, leading=name)
                 new.append({"t": t, "event": "cause"} | details(monitor, verdict))
-        return now, [{key: _rounded(value) for key, value in event.items()} for event in new]
+        return now, [{key: rounded(value) for key, value in event.items()} for event in new]
 
     def after_driving(
         self, seen: SoFar, harder: Callable[[int], str], t: float
@@ -122,7 +122,7 @@ class Events:
         if self.outside or row < OUTSIDE:
             return self, []
         event = {"t": t, "event": "not_judged", "since": t - row, "harder": harder(int(seen.time[3]))}
-        return dataclasses.replace(self, outside=True), [{key: _rounded(value) for key, value in event.items()}]
+        return dataclasses.replace(self, outside=True), [{key: rounded(value) for key, value in event.items()}]
 
 
 def persists(name: str, block: float) -> int:
@@ -134,14 +134,25 @@ def details(monitor: Watcher, verdict: np.ndarray) -> dict[str, Any]:
     """The leading hypothesis that is not none: probability, magnitude, onset."""
     p = verdict[:-4]
     leading = 1 + int(np.argmax(p[1:]))
-    name, (q, low, high, onset) = monitor.labels[leading], verdict[-4:]
-    out = {"cause": name, "probability": p[leading], "none": p[0], "onset": onset}
-    if p[leading] < RIVALRY:
-        others = [i for i in np.argsort(-p) if i not in (0, leading) and p[i] >= RIVAL]
-        out["rivals"] = {monitor.labels[i]: _rounded(float(p[i])) for i in others}
+    name, (*magnitude, onset) = monitor.labels[leading], verdict[-4:]
+    others = {monitor.labels[i]: p[i] for i in np.argsort(-p) if i not in (0, leading)}
+    return cause_of(name, p[leading], p[0], onset, others, magnitude)
+
+
+def cause_of(
+    name: str, probability: float, none: float, onset: float, others: Mapping[str, float], magnitude: Sequence[float]
+) -> dict[str, Any]:
+    """A cause as events have it.
+
+    Args:
+        others: probabilities of other causes; magnitude: in the effect's unit, with the ends of its 95 % interval.
+    """
+    out = {"cause": name, "probability": probability, "none": none, "onset": onset}
+    if probability < RIVALRY:
+        out["rivals"] = {other: rounded(float(p)) for other, p in others.items() if p >= RIVAL}
     if name == UNKNOWN:
         return out
-    return out | {"magnitude": q, "low": low, "high": high, "unit": CATALOGUE[name].unit}
+    return out | dict(zip(("magnitude", "low", "high"), magnitude, strict=True)) | {"unit": CATALOGUE[name].unit}
 
 
 def sentence(event: Mapping[str, Any]) -> str:
@@ -157,7 +168,8 @@ def sentence(event: Mapping[str, Any]) -> str:
     if event["event"] == "change":
         return f"{t} the car has changed {since}; the simulator is not valid for it ({_cause(event)})"
     others = f"; or {', '.join(event['or'])}, which would look alike" if event.get("or") else ""
-    return f"{t} {_cause(event)}, {since}{others}"
+    by = f", by a diagnosis of the {event['diagnosed']:.1f} s since" if "diagnosed" in event else ""
+    return f"{t} {_cause(event)}, {since}{others}{by}"
 
 
 def _cause(event: Mapping[str, Any]) -> str:
@@ -166,7 +178,8 @@ def _cause(event: Mapping[str, Any]) -> str:
     interval = f"95 %: {event['low']:.3g} to {event['high']:.3g}"
     unit = unit_suffix(event["unit"])
     probability = f"probability {event['probability']:.2f}{_rivals(event)}"
-    return f"{event['cause']} {event['magnitude']:+.3g}{unit} ({interval}), {probability}"
+    too = "".join(f" and {'an additional fault' if name == UNKNOWN else name}" for name in event.get("with", ()))
+    return f"{event['cause']} {event['magnitude']:+.3g}{unit} ({interval}){too}, {probability}"
 
 
 def _rivals(event: Mapping[str, Any]) -> str:
@@ -174,5 +187,6 @@ def _rivals(event: Mapping[str, Any]) -> str:
     return f" ({', '.join(rivals)})" if rivals else ""
 
 
-def _rounded(value: Any) -> Any:
+def rounded(value: Any) -> Any:
+    """A number as an event has it, in six digits; anything else as it is."""
     return float(f"{value:.6g}") if isinstance(value, float) else value

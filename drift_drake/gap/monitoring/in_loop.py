@@ -8,9 +8,9 @@ import pandas as pd
 from pydrake.systems.framework import Context, DiagramBuilder, DiscreteValues, LeafSystem, OutputPort
 
 from drift_drake.car.effects.magnitudes import COUNT
+from drift_drake.car.internal_states import RememberingStepModel
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.car.sensors import LOG_ROW, MEASURED_STATE
-from drift_drake.car.single_track.effects_step import EffectsStepModel
 from drift_drake.car.step_model import StepModel
 from drift_drake.common.updates import declare_update
 from drift_drake.drive.loop.watch import LoopPorts, Watched
@@ -114,7 +114,7 @@ class GapWatch:
     """A monitor in a closed loop (`drive.loop.watch.LoopWatch`), and what follows from what it sees.
 
     Args:
-        policy: see `Policy`; a correction needs an `EffectsStepModel` as the controller's model.
+        policy: see `Policy`; a correction needs a car with effects as the controller's model, of any kind.
     """
 
     def __init__(self, monitor: Watcher, policy: Policy = "watch") -> None:
@@ -134,9 +134,9 @@ class GapWatch:
         Raises:
             ValueError: a correction of a model that takes none.
         """
-        own = model.effects if isinstance(model, EffectsStepModel) else None
+        own = model.effects if isinstance(model, RememberingStepModel) else None
         if self.policy in CORRECTING and own is None:
-            raise ValueError("a correction needs an EffectsStepModel, which takes it")
+            raise ValueError("a correction needs a car with effects as the controller's model, which takes it")
         system = builder.AddNamedSystem("monitor", GapMonitor(self.monitor))
         for name in ("measured_state", "command", "log_row"):
             builder.Connect(getattr(ports, name), system.GetInputPort(name))

@@ -14,6 +14,7 @@ from drift_drake.drive.learnt.bayesian_step import residual
 from drift_drake.drive.learnt.checkpoint import BayesianModel
 from drift_drake.drive.learnt.command_lag import LAGGED
 from drift_drake.drive.learnt.features import Network, features, network_inputs
+from drift_drake.drive.learnt.noise import Noise
 from drift_drake.drive.learnt.posterior import Posterior, mahalanobis, predict, update
 
 TICKS = 30
@@ -62,16 +63,18 @@ def test_outputs_equal_the_plain_functions(
     simulator = Simulator(diagram)
     simulator.AdvanceTo(TIMES[-1] + 0.01)
     context = adapter.GetMyContextFromRoot(simulator.get_context())
-    posterior, offset = learner.prior(), np.zeros(4)
+    posterior, offset, noise = learner.prior(), np.zeros(4), Noise()
     for k in range(TICKS):
         now, then = record.value(TIMES[k])[:, 0], record.value(TIMES[k + 1])[:, 0]
         x, u, u_next = now[[0, 1, 2, 3, 4, 5, 9, 10]], now[7:9], then[7:9]
         phi = features(learner.network, network_inputs(x, u, u_next))
         y = residual(x, u, then[:4], learner.vehicle.constants())
+        noise = noise.after(mahalanobis(predict(posterior, learner.sigma, phi), y) ** 2)
         posterior = update(posterior, learner.sigma, phi, y, learner.sample_weight)
         offset += 0.1 / OFFSET_TIME * (y - np.sum(posterior.mean * phi, axis=-1) - offset)
     for port, expected in (("posterior_mean", posterior.mean), ("posterior_covariance", posterior.covariance)):
         np.testing.assert_allclose(adapter.GetOutputPort(port).Eval(context), expected.ravel(), rtol=1e-7, atol=1e-9)
+    np.testing.assert_allclose(adapter.GetOutputPort("noise").Eval(context), noise, rtol=1e-9)
     np.testing.assert_array_equal(adapter.GetOutputPort("counters").Eval(context), [TICKS, 0])
     parameters = adapter.GetOutputPort("parameters").Eval(context)
     np.testing.assert_array_equal(parameters[:64], adapter.GetOutputPort("posterior_mean").Eval(context))
@@ -87,7 +90,7 @@ def test_a_cloned_context_replays_to_the_bit(replay: tuple[Diagram, BayesianAdap
     simulator.AdvanceTo(2.5)
     again = Simulator(diagram, clone)
     again.AdvanceTo(2.5)
-    for name in ("posterior_mean", "posterior_covariance", "counters"):
+    for name in ("posterior_mean", "posterior_covariance", "noise", "counters"):
         port = adapter.GetOutputPort(name)
         np.testing.assert_array_equal(
             port.Eval(adapter.GetMyContextFromRoot(simulator.get_context())),

@@ -19,7 +19,7 @@ from drift_drake.gap.estimation.prior import REACH, Range, at_end, clipped, fart
 from drift_drake.gap.evidence.constants import ELSE, OF_SCATTER, PRIORS, STANDS_FOR
 from drift_drake.gap.evidence.hypotheses import Hypothesis, as_change, concluded, effects_of
 from drift_drake.gap.evidence.left_over import LeftOver
-from drift_drake.gap.evidence.ranking import prior, ranked, shared_out
+from drift_drake.gap.evidence.ranking import halfway, prior, ranked, shared_out
 
 CAR = VehicleParameters()
 NONE = Hypothesis((), np.zeros(0), np.zeros((0, 0)), 50.0, -50.0, scores=20)
@@ -280,3 +280,18 @@ def test_the_better_of_two_of_a_name_is_believed_and_pays_for_the_additional_one
     assert found.verdict == "effect"
     near = as_change(pair(("steering_offset", "tyre_relaxation"), [0.018, 0.3], -34.0))
     assert ranked([NONE, alone, near], 28, PRIORS).leading is alone
+
+
+def test_what_few_held_out_blocks_rule_out_keeps_half_of_its_probability():
+    lag, delay = single("steering_lag", 0.1, 0.01, nats=1.0), single("steering_delay", 0.08, 0.01, nats=1.4)
+    every, kept = (ranked(some, 30, PRIORS) for some in ([NONE, lag, delay], [NONE, delay]))
+    assert kept.decision == "cause"
+    found = halfway(kept, every)
+    assert found.leading is delay
+    assert found.decision == "cause_open"
+    assert sum(found.probabilities.values()) == pytest.approx(1.0)
+    assert found.probabilities["steering_lag"] == pytest.approx(0.5 * every.probabilities["steering_lag"])
+    assert next(iter(found.probabilities)) == "steering_delay"
+    assert found.ambiguity == ["steering_delay", "steering_lag"]
+    far = single("gyro_bias", 0.1, 0.01, nats=40.0)
+    assert halfway(kept, ranked([NONE, far, delay], 30, PRIORS)).decision == "cause"

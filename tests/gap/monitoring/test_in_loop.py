@@ -3,7 +3,9 @@
 import numpy as np
 import pytest
 
+from drift_drake.car.double_track.parameters import CARS
 from drift_drake.car.effects.magnitudes import Effects, make_effects
+from drift_drake.car.equations_step import EquationsStepModel
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.car.single_track.effects_step import EffectsStepModel
 from drift_drake.car.step_model import NominalStepModel
@@ -19,10 +21,12 @@ VEHICLE = VehicleParameters()
 CHANGE = 0.8  # [s]
 
 
-def test_a_change_is_reported_and_corrected():
+@pytest.mark.parametrize("model", [EffectsStepModel(VEHICLE, Effects()), EquationsStepModel(CARS["coupe"])])
+def test_a_change_is_reported_and_corrected(model):
+    """In the model of a car of either kind; the plant is the simulator's car."""
     monitor = make_monitor(VEHICLE, used=WATCHED)
     reference = figure_8(VEHICLE)
-    loop = ClosedLoop(VEHICLE, reference, EffectsStepModel(VEHICLE, Effects()), Effects(aero_drag=1e-9),
+    loop = ClosedLoop(VEHICLE, reference, model, Effects(aero_drag=1e-9),
                       control=ControlConfig(horizon=8), watch=GapWatch(monitor, "correct"))  # fmt: skip
     torque = Change(CHANGE, make_effects({"torque_gain_error": -0.2}))
     run = loop.run(loop.initial_context(0), RunLimits(time_factor=2.0 / reference.duration), change=torque)
@@ -36,7 +40,7 @@ def test_a_change_is_reported_and_corrected():
 
 
 def test_a_correction_needs_a_model_that_takes_it(monitor):
-    with pytest.raises(ValueError, match="EffectsStepModel"):
+    with pytest.raises(ValueError, match="a car with effects as the controller's model"):
         ClosedLoop(VEHICLE, figure_8(VEHICLE), NominalStepModel(VEHICLE), watch=GapWatch(monitor, "correct"))
 
 

@@ -42,7 +42,7 @@ from drift_drake.gap.estimation.effort import affordable, counted, remarks
 from drift_drake.gap.estimation.noise_levels import changed
 from drift_drake.gap.estimation.normal import Normal
 from drift_drake.gap.estimation.prior import Interval
-from drift_drake.gap.estimation.reduction import STATES, Reduction
+from drift_drake.gap.estimation.reduction import FOLDS, STATES, Reduction
 from drift_drake.gap.estimation.scores import Day, make_day
 from drift_drake.gap.estimation.unknowns import magnitudes
 from drift_drake.gap.estimation.usable import admit, seen_effects
@@ -51,7 +51,7 @@ from drift_drake.gap.evidence.alarms import FALSE_ALARMS, false_alarm_rate
 from drift_drake.gap.evidence.constants import PRIORS, WORTH_A_PAIR
 from drift_drake.gap.evidence.hypotheses import Hypothesis, as_change
 from drift_drake.gap.evidence.posterior import NONE, UNKNOWN, PosteriorConstants, hypothesis_name
-from drift_drake.gap.evidence.ranking import DayRanked, ranked
+from drift_drake.gap.evidence.ranking import DayRanked, halfway, ranked
 from drift_drake.gap.evidence.search import Search
 
 LEAST_FAMILIAR = 0.2  # share of familiar driving below which the verdict is more and more `unknown`
@@ -60,6 +60,7 @@ MEDIAN_OF_NORMAL = 0.6745  # of the absolute value, in standard deviations
 CERTAIN = 0.98  # probability of `unknown` then, and beyond the next
 FARTHEST = 3.0  # times the usual squared distance of scores from normal, beyond which `none` is no answer (validation)
 MOST_WINDOWS = 600  # of a day, evenly chosen
+LEAST_IN_A_FOLD = 2  # blocks, below which a day is short: 16 s of windows
 LEAST_TIME = 5.0  # [s] of windows in all, below which scores are too few to be judged
 FAR = "errors far beyond the baseline's"  # the stage in which they are judged
 FAR_BEYOND = (
@@ -299,8 +300,9 @@ def ranked_hypotheses(
     search: Search, none: Hypothesis, others: Sequence[Hypothesis], constants: PosteriorConstants,
     false_alarms: float = FALSE_ALARMS, noise: float | None = None,
 ) -> tuple[DayRanked, Reduction]:  # fmt: skip
-    """Probabilities, led by no cause that cannot be distinguished from zero or removes nothing on held-out blocks."""
-    kept = [none, *others]
+    """Probabilities, led by no cause that cannot be distinguished from zero or removes nothing on held-out blocks; few
+    of these may err, and what they rule out on a short day keeps half of its probability."""
+    kept, every = [none, *others], None
     # Nothing can be judged where too little of the driving is known from the calibration.
     doubt = max(1.0 - float(np.mean(search.day.weights)) / LEAST_FAMILIAR, 0.0)
     counts = len(search.ranges), constants, doubt, false_alarms
@@ -310,7 +312,10 @@ def ranked_hypotheses(
         shrinks = reduction(search, leading, leading)
         if not leading.names or (tells_from_zero(found.leading) and shrinks.estimate > 0.0):
             break
+        every = every or found
         kept = [h for h in kept if h is not found.leading]
+    if every is not None and found.verdict == "effect" and search.day.blocks < LEAST_IN_A_FOLD * FOLDS:
+        found = halfway(found, every)
     if gross(search, leading) > GROSS or (found.verdict == NONE and none.nats > FARTHEST * 0.5 * none.scores):
         found = ranked(kept, *counts[:2], max(doubt, CERTAIN), false_alarms, noise, search.normal.factors)
     return dataclasses.replace(found, leading=leading), shrinks

@@ -37,7 +37,7 @@ def files(other_car: OtherCar, tmp_path_factory: pytest.TempPathFactory) -> Path
     write_vehicle(folder / "car.yaml", found.vehicle, found.effects)
     watching = learn_baseline(other_car.runs, found.vehicle, found.effects, other_car.normal)
     (folder / "car.json").write_text(to_json({"normal": other_car.normal, "watching": watching}))
-    late = changed_double_track_drive("slalom", make_effects({"steering_delay": 0.08}), ONSET, 3, 9.0)
+    late = changed_double_track_drive("slalom", make_effects({"steering_delay": 0.08}), ONSET, 3, 11.0)
     write_run(late, folder / "late.csv")
     write_run(changed_double_track_drive("slalom", Effects(), ONSET, 4, 8.0), folder / "same.csv")
     return folder
@@ -109,6 +109,9 @@ def test_late_steering_is_reported_with_its_onset_and_rivals(files: Path, capsys
     assert ONSET < changes[0]["t"] < ONSET + 3.0
     assert changes[0]["onset"] == pytest.approx(ONSET, abs=0.7)  # a window of half a second begins each 0.2 s
     last = [event for event in events if event["event"] in ("change", "cause")][-1]
+    assert last["diagnosed"] == pytest.approx(last["t"] - last["onset"], abs=1e-3)
+    assert last["t"] == pytest.approx(11.0, abs=0.5)
+    assert last["low"] < 0.08 < last["high"]
     like = {"steering_delay", "steering_lag", "sensor_latency"}
     assert last["cause"] in like
     assert last["probability"] >= 0.9 or last["rivals"]
@@ -142,8 +145,9 @@ def test_harder_driving_is_said_and_raises_nothing(files: Path) -> None:
 
 
 def test_a_rate_of_false_alarms_is_asked_for(files: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    often = drift_drake.watch(files / "late.csv", files / "car.yaml", files / "car.json", false_alarms_per_hour=10.0)
-    seldom = drift_drake.watch(files / "late.csv", files / "car.yaml", files / "car.json", false_alarms_per_hour=1e-3)
+    run = run_of(files, "late").rows(0, 800)
+    often = drift_drake.watch(run, files / "car.yaml", files / "car.json", false_alarms_per_hour=10.0)
+    seldom = drift_drake.watch(run, files / "car.yaml", files / "car.json", false_alarms_per_hour=1e-3)
     assert often.events[0]["t"] <= seldom.events[0]["t"]
     assert watch(files, "late", "--false-alarms-per-hour", "0") == BAD_INPUT
     assert "give a rate" in capsys.readouterr().err

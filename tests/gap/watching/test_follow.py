@@ -12,7 +12,7 @@ from drift_drake.car.parameters import VehicleParameters
 from drift_drake.common.errors import DriftDrakeError
 from drift_drake.gap.estimation.filter_state import CHANNELS
 from drift_drake.gap.monitoring.events import sentence
-from drift_drake.gap.monitoring.follow import Tail, as_rows, growing_rows, head_of, on_the_clock
+from drift_drake.gap.watching.follow import Tail, as_rows, growing_rows, head_of, on_the_clock
 
 HEADER = "t,r,v,beta,omega_r,delta_cmd,tau_cmd\n"
 

@@ -8,8 +8,8 @@ from drift_drake.car.log.table import write_run
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.cli.main import main
 from drift_drake.gap.monitoring.events import nothing_seen
-from drift_drake.gap.monitoring.live_page import LEADING, bands, page
 from drift_drake.gap.monitoring.watch import VerdictAt
+from drift_drake.gap.watching.live_page import LEADING, bands, page
 
 SIGNALS_OF_A_DRIVE = np.arange(8.0).reshape(2, 4)
 

@@ -4,7 +4,7 @@ import dataclasses
 import itertools
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeGuard
 
 import numpy as np
 
@@ -20,10 +20,11 @@ from drift_drake.gap.estimation.prior import REACH, SURE
 from drift_drake.gap.monitoring.baselines import Baseline, OfPrediction, baseline_given, calibrated_watcher
 from drift_drake.gap.monitoring.events import SoFar, Watcher
 from drift_drake.gap.monitoring.evidence import FALSE_ALARMS, HAZARD, NONE_OF_THE_CATALOGUE, EvidenceProblem, alarm_at
-from drift_drake.gap.monitoring.follow import Tail, as_rows, growing_rows, head_of, on_the_clock
-from drift_drake.gap.monitoring.watch import Row, monitor_of, rows_of, watched
+from drift_drake.gap.monitoring.watch import Row, VerdictAt, monitor_of, rows_of, watched
 from drift_drake.gap.monitoring.windowed.baseline import with_errors_ahead
 from drift_drake.gap.monitoring.windowed.monitor import WindowMonitor
+from drift_drake.gap.watching.diagnosed import Diagnosing, diagnosing, with_diagnoses
+from drift_drake.gap.watching.follow import Tail, as_rows, growing_rows, head_of, on_the_clock
 
 SAID = tuple(name for name, effect in CATALOGUE.items() if effect.watched)  # whose limits are put into words
 Event = dict[str, Any]
@@ -119,6 +120,11 @@ class Part(NamedTuple):
     monitor: Watcher
     rows: Iterator[Row]
 
+    def verdicts(self, diagnosed: Diagnosing) -> Iterator[VerdictAt]:
+        """What the monitor says; of a car that was calibrated by prediction, what a diagnosis says of a change too."""
+        verdicts, windowed = watched(self.monitor, self.rows), isinstance(self.monitor, WindowMonitor)
+        return with_diagnoses(verdicts, diagnosed) if windowed and not _simulated(self.monitor) else verdicts
+
 
 def watch(
     log: str | Path | Run, vehicle: Vehicle, calibration: Any = None, *, follow: bool = False, idle: float = 0.0,
@@ -136,7 +142,8 @@ def watch(
         log: a run's file, or a run; with torque commands;
         vehicle: vehicle file's path, parameters, or (parameters, effects): what the simulator believes of the car;
         calibration: what `identify` found of this car, or its JSON's path, so that its baseline is no change; a car
-            that was calibrated by prediction is judged by its windows, any other by a bank of filters;
+            that was calibrated by prediction is judged by its windows, and the rows since a change are diagnosed
+            (`diagnosed`), but of a simulator of yours; any other car is judged by a bank of filters;
         follow: wait for further rows of a file (CSV) that is still being written, or not there yet; a file that is cut
             or replaced is watched anew; idle: end after so many seconds [s] without one, 0: never;
         page: where to draw signals and probabilities and list the events (HTML);
@@ -146,8 +153,8 @@ def watch(
 
     Raises:
         InvalidLogError: the log cannot be watched; InvalidVehicleError: of the vehicle;
-        InvalidBaselineScoresError: of the calibration; InvalidOptionError: a run cannot be followed, or the rate is
-            none; OutputError: the page cannot be written; SimulatorError: a simulator of yours cannot be run.
+        InvalidBaselineScoresError, InvalidCalibrationError: of the calibration; InvalidOptionError: a run cannot be
+            followed, or the rate is none; OutputError: the page cannot be written; SimulatorError: of a simulator.
     """
     if not 0.0 < false_alarms_per_hour <= MOST_ALARMS:
         raise InvalidOptionError(f"false_alarms_per_hour {false_alarms_per_hour:g}: give a rate up to {MOST_ALARMS:g}")
@@ -167,9 +174,9 @@ def watch(
     for part in _parts(log, follow, tail, monitor_for, progress):
         if found is not None and tail is not None:
             report([{"t": 0.0, "event": "anew", "why": tail.last_end}])
-        verdicts = watched(part.monitor, part.rows)
+        verdicts = part.verdicts(diagnosing(log, vehicle, calibration))
         if page is not None:
-            from drift_drake.gap.monitoring.live_page import shown_while  # jinja2 is slow to import
+            from drift_drake.gap.watching.live_page import shown_while  # jinja2 is slow to import
 
             verdicts = shown_while(verdicts, Path(page), name, part.monitor.labels, follow)
         found = WatchedDrive(events, part.monitor, part.monitor.start().seen, 0.0)
@@ -201,6 +208,11 @@ def _monitor(
     return dataclasses.replace(monitor, alarm=alarm_at(false_alarms))
 
 
+def _simulated(monitor: Watcher) -> TypeGuard[WindowMonitor]:
+    """Whether it predicts by a simulator of the user's, which is slow."""
+    return isinstance(monitor, WindowMonitor) and isinstance(monitor.projection.constants, SimulatorConstants)
+
+
 def _parts(
     log: str | Path | Run, follow: bool, tail: Tail | None, monitor_for: Callable[[Run], Watcher], progress: Progress
 ) -> Iterator[Part]:
@@ -208,7 +220,7 @@ def _parts(
 
     def whole(run: Run) -> Part:
         monitor = monitor_for(run)
-        if isinstance(monitor, WindowMonitor) and isinstance(monitor.projection.constants, SimulatorConstants):
+        if _simulated(monitor):
             monitor = with_errors_ahead(monitor, run, progress)
         return Part(monitor, rows_of(run))
 

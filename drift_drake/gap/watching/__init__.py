@@ -1,0 +1,1 @@
+"""Logs watched, as they come or afterwards: what changed, since when, and why."""

@@ -190,6 +190,13 @@ def make_day(
     return Day(runs, constants, own, at, jacobian, block_of(runs), run, weights, standard, sizes)
 
 
+def to_first_order(day: Day, normal: Normal, effects: Mapping[str, float]) -> np.ndarray:
+    """What effects of the calibration's move the errors by, to first order [windows, HORIZONS, channels]."""
+    at = [normal.names.index(name) for name in effects]
+    moved = day.jacobian[..., at] @ (np.array(list(effects.values())) / normal.units[at])
+    return np.asarray(moved.reshape(day.errors.shape) * normal.scales)
+
+
 def moved_by(e: np.ndarray, at: np.ndarray, name: str, magnitude: float) -> np.ndarray:
     """What an effect moves errors by, [..., HORIZONS, channels] with and without it, without the noise of readings.
 

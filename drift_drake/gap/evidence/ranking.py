@@ -152,7 +152,10 @@ def concluded_from(
 
 
 def halfway(kept: DayRanked, every: DayRanked) -> DayRanked:
-    """The verdict on hypotheses that were kept, with the mean of its probabilities and of those of every one."""
+    """The verdict on hypotheses that were kept, with the mean of its probabilities and of those of every one.
+
+    Of a short day: held-out blocks are few there, and may rule out the right cause.
+    """
     names = dict.fromkeys((*kept.probabilities, *every.probabilities))
     means = {name: 0.5 * (kept.probabilities.get(name, 0.0) + every.probabilities.get(name, 0.0)) for name in names}
     probabilities = dict(sorted(means.items(), key=lambda item: -item[1]))

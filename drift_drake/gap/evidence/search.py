@@ -17,7 +17,7 @@ from drift_drake.gap.estimation.baseline import Scatter, scatter_of
 from drift_drake.gap.estimation.effort import is_slow
 from drift_drake.gap.estimation.normal import Normal
 from drift_drake.gap.estimation.prior import at_end, clipped, farther, range_of, tried_first
-from drift_drake.gap.estimation.scores import Day, summed
+from drift_drake.gap.estimation.scores import Day, summed, to_first_order
 from drift_drake.gap.evidence.hypotheses import FOLLOWING, Hypothesis, concluded, effects_of
 from drift_drake.gap.evidence.left_over import LeftOver, left_over
 
@@ -27,6 +27,7 @@ SEEDS, PARTNERS, PAIR_STEPS = 3, 4, 4  # singles that pairs are grown from, part
 TINY = 1e-3  # of a unit, for differences
 SHARES = (0.0, 0.5, 1.0)  # of stiffness in proportion to the load that are tried
 AT_ONCE = 8  # effects whose curves are predicted together
+REMOVED = 0.99  # of the mean squared error that an effect must leave, to be said to remove any
 CLOSEST = 3  # effects that leave the least errors of all, which are candidates whatever their scores
 EXTENSIONS = 2  # of the reach of a leading hypothesis
 
@@ -37,6 +38,7 @@ class Search:
     Attributes:
         ranges: of the effects' magnitudes, by name; `singles` widens those whose most likely magnitude is at an end.
         curves: of every single effect, once `singles` has been asked.
+        judged: cars with effects that were judged: these, and the day relative to that car (`changed_car`).
         windows: that the day would have if a slow simulator were asked for all.
     """
 
@@ -47,6 +49,7 @@ class Search:
         self.ranges = {name: range_of(name, vehicle) for name in catalogue}
         self.threads = threads
         self.curves: list[Curve] = []
+        self.judged: dict[tuple[str, ...], tuple[Mapping[str, float], Day]] = {}
         self.windows = len(day.errors)
 
     def on(self, day: Day) -> "Search":
@@ -118,27 +121,52 @@ class Search:
         # A limit of zero is no limit at all.
         curves = [Curve(name, follows, *(([], []) if name in LIMITS else ([0.0], [at_zero])))
                   for name, follows in variants]  # fmt: skip
-        asked = [(i, q) for i, curve in enumerate(curves) for q in self._first(curve.name) if curve.lacks(q)]
-        found = self.tried(*(curves[i].effects(self, q) for i, q in asked))
+        first = [self._first(*variant) for variant in variants]
+        curves = [curve.with_scores(by_derivatives) for curve, (_, by_derivatives) in zip(curves, first, strict=True)]
+        return self._predicted(curves, [some for some, _ in first])
+
+    def _predicted(self, curves: Sequence["Curve"], magnitudes: Sequence[Sequence[float]]) -> list["Curve"]:
+        """The curves with magnitudes of each predicted, but those that were."""
+        out = list(curves)
+        asked = [(i, q) for i, some in enumerate(magnitudes) for q in some if q not in curves[i].misfits]
+        found = self.tried(*(out[i].effects(self, q) for i, q in asked))
         for (i, q), one in zip(asked, found, strict=True):
-            curves[i] = curves[i].with_found(q, *one)
-        return curves
+            out[i] = out[i].with_found(q, *one)
+        return out
 
-    def _first(self, name: str) -> list[float]:
-        """Magnitudes of an effect that are predicted first; of a slow simulator those of the likelier sign.
+    def complete(self) -> list["Curve"]:
+        """The curves of single effects, with what they have by derivatives (`singles`) predicted too."""
+        for first in range(0, len(self.curves), AT_ONCE):
+            some = self.curves[first : first + AT_ONCE]
+            magnitudes = [[q for q in curve.magnitudes if q != 0.0] for curve in some]
+            self.curves[first : first + AT_ONCE] = self._predicted(some, magnitudes)
+        return self.curves
 
-        By derivatives, where scores and errors ask for the same sign: scores of errors that are clipped may mislead.
+    def _first(self, name: str, follows: float = 0.0) -> tuple[list[float], dict[float, np.ndarray]]:
+        """(magnitudes of an effect that are predicted first, scores [m] by derivatives at those that are not).
+
+        Of two signs the likelier one by derivatives is predicted, and the other one where it removes errors: scores of
+        errors that are clipped may mislead. Else the other's scores are those of errors that are linear in it.
         """
         day, few = self.day, is_slow(self.day.constants)
         magnitudes = sorted({float(q) for q in tried_first(self.ranges[name], few)})
-        if not few or name not in self.normal.names or magnitudes[0] > 0.0:
-            return magnitudes
-        at = self.normal.names.index(name)
-        slope = day.jacobian[..., at].reshape(day.errors.shape) * self.normal.scales / self.normal.units[at]
-        there = {q: day.errors + q * slope for q in magnitudes}
-        likeliest = min(magnitudes, key=lambda q: float(self.nats(self._scores(there[q]))))
-        closest = min(magnitudes, key=lambda q: float(np.mean(self.normal.squares(there[q]))))
-        return [q for q in magnitudes if q * likeliest > 0.0 or q * closest > 0.0]
+        unit = effects_of((name,), np.ones(1), follows, day)
+        if not unit.keys() <= set(self.normal.names) or magnitudes[0] > 0.0:
+            return magnitudes, {}
+        slope = to_first_order(day, self.normal, unit)
+        least = [max(q for q in magnitudes if q < 0.0), min(q for q in magnitudes if q > 0.0)]
+        there = {q: day.errors + q * slope for q in (magnitudes if few else least)}
+        scores = {q: self._scores(e) for q, e in there.items()}
+        likeliest = min(there, key=lambda q: float(self.nats(scores[q])))
+        squares = {q: float(np.mean(self.normal.squares(e))) for q, e in there.items()}
+        closest = min(squares, key=lambda q: squares[q])
+        if not few and squares[closest] > REMOVED * float(np.mean(self.normal.squares(day.errors))):
+            closest = likeliest
+        asked = [q for q in magnitudes if q * likeliest > 0.0 or q * closest > 0.0]
+        if few or len(asked) == len(magnitudes):
+            return asked, {}
+        return asked, {q: scores[q] if q in scores else self._scores(day.errors + q * slope)
+                       for q in magnitudes if q not in asked}  # fmt: skip
 
     def pairs(self, singles: Sequence[Hypothesis], progress: Callable[[float], None]) -> list[Hypothesis]:
         """Pairs grown from the best singles, jointly fitted; best first."""
@@ -224,7 +252,7 @@ class Curve:
 
     def lacks(self, magnitude: float) -> bool:
         """Whether a magnitude has not been predicted yet."""
-        return all(abs(magnitude - q) >= 1e-12 for q in self.magnitudes)
+        return all(abs(magnitude - q) >= 1e-12 for q in (0.0, *self.misfits))
 
     def effects(self, search: Search, magnitude: float) -> Mapping[str, float]:
         """What the car has in addition."""
@@ -236,11 +264,14 @@ class Curve:
             return self
         return self.with_found(magnitude, *search.tried(self.effects(search, magnitude))[0])
 
+    def with_scores(self, scores: Mapping[float, np.ndarray]) -> "Curve":
+        """The curve with magnitudes whose scores [m] are known without a prediction."""
+        points = sorted({**dict(zip(self.magnitudes, self.scores, strict=True)), **scores}.items())
+        return dataclasses.replace(self, magnitudes=[q for q, _ in points], scores=[s for _, s in points])
+
     def with_found(self, magnitude: float, s: np.ndarray, misfit: float) -> "Curve":
         """The curve with one more magnitude, its scores [m] and mean squared errors."""
-        order = sorted(zip([*self.magnitudes, magnitude], [*self.scores, s], strict=True), key=lambda pair: pair[0])
-        misfits = {**self.misfits, magnitude: misfit}
-        return Curve(self.name, self.follows, [q for q, _ in order], [s for _, s in order], misfits)
+        return dataclasses.replace(self.with_scores({magnitude: s}), misfits={**self.misfits, magnitude: misfit})
 
     def fine(self) -> tuple[np.ndarray, np.ndarray]:
         """Interpolated magnitudes [k] and scores [k, m]."""

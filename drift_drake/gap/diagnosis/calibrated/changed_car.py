@@ -7,7 +7,7 @@ derivatives, clipping and the baseline are taken again there, as Gauss and Newto
 """
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -50,14 +50,30 @@ class At:
     scatter: Scatter
 
 
-def changed_car(search: Search, h: Hypothesis, q: np.ndarray | None = None) -> Search:
-    """The search from the car with a hypothesis in it; q: magnitudes of its causes, if not its own."""
+def changed_car(search: Search, h: Hypothesis, q: np.ndarray | None = None, anew: bool = False) -> Search:
+    """The search from the car with a hypothesis in it.
+
+    Args:
+        q: magnitudes of its causes, if not its own; anew: with derivatives of this very car, not of one that is `near`.
+    """
     effects, day, normal = h.effects(search.day, q), search.day, search.normal
     if is_slow(day.constants):  # a simulator of the user's: derivatives are those of the calibrated car
         return search.on(dataclasses.replace(day, errors=day.errors_with(effects), own=added(day.own, effects)))
+    key = tuple(sorted(effects))
+    then, known = search.judged.get(key, ({}, None))
+    if known is not None and not anew and near(then, effects, h):
+        return search.on(dataclasses.replace(known, errors=day.errors_with(effects), own=added(day.own, effects)))
     of_kind = day.jacobian[..., day.jacobian.shape[-1] - len(normal.of_kind) :]
-    return search.on(make_day(day.runs, day.constants, added(day.own, effects), normal.names, normal.units, normal,
-                              search.threads, of_kind))  # fmt: skip
+    made = make_day(day.runs, day.constants, added(day.own, effects), normal.names, normal.units, normal,
+                    search.threads, of_kind)  # fmt: skip
+    search.judged[key] = effects, made
+    return search.on(made)
+
+
+def near(then: Mapping[str, float], now: Mapping[str, float], h: Hypothesis) -> bool:
+    """Whether a car's derivatives serve at other magnitudes of the same effects."""
+    widths = dict(zip(h.names, NEAR * np.sqrt(np.diag(h.covariance)), strict=True))
+    return all(abs(now[name] - q) <= widths.get(name, 0.0) for name, q in then.items())
 
 
 def judged(search: Search, hypotheses: Sequence[Hypothesis]) -> list[Hypothesis]:
@@ -129,7 +145,7 @@ def _led(search: Search, h: Hypothesis, limit: float, apart: float) -> At | None
         step = np.array([clipped(float(x), r) for x, r in zip(at.q + at.step, ranges, strict=True)]) - at.q
         if np.all(np.abs(step) < NEAR * np.sqrt(np.diag(at.covariance))):
             return dataclasses.replace(at, q=at.q + step)
-        trials = (_at(search, h, at.q + share * step, apart) for share in SHARES)
+        trials = (_at(search, h, at.q + share * step, apart, anew=True) for share in SHARES)
         better = next((trial for trial in trials if trial is not None and trial.nats < at.nats), None)
         if better is None:
             break
@@ -147,9 +163,9 @@ def _with_additional(h: Hypothesis) -> Hypothesis:
     )
 
 
-def _at(search: Search, h: Hypothesis, q: np.ndarray, apart: float) -> At | None:
+def _at(search: Search, h: Hypothesis, q: np.ndarray, apart: float, anew: bool = False) -> At | None:
     """A hypothesis judged at the car with the magnitudes q; None where the logs do not show them apart."""
-    there = changed_car(search, h, q)
+    there = changed_car(search, h, q, anew)
     s, weight = there.scores({}), there.scatter.apart(apart).inverse
     slopes = slopes_at(there, search, h, q, s)
     hessian = slopes.T @ weight @ slopes

@@ -117,7 +117,7 @@ def diagnose_change(
         warnings.append(FAR_BEYOND)
     (none, others, found, shrinks), whole, said = judged_rest(search, Decided(none, others, found, shrinks), how, tell)
     tell("detection limits", 0.9)
-    limits = detection_limits(search, search.curves)
+    limits = detection_limits(search, search.complete() if found.verdict == NONE else search.curves)
     found, shrinks = unless_hidden(found, shrinks, limits, none)
     h, named = found.leading, found.verdict == "effect"
     left = left_over_of(search, found, whole, none)
@@ -300,8 +300,7 @@ def ranked_hypotheses(
     search: Search, none: Hypothesis, others: Sequence[Hypothesis], constants: PosteriorConstants,
     false_alarms: float = FALSE_ALARMS, noise: float | None = None,
 ) -> tuple[DayRanked, Reduction]:  # fmt: skip
-    """Probabilities, led by no cause that cannot be distinguished from zero or removes nothing on held-out blocks; few
-    of these may err, and what they rule out on a short day keeps half of its probability."""
+    """Probabilities, led by a cause that differs from zero and removes errors on held-out blocks (or `halfway`)."""
     kept, every = [none, *others], None
     # Nothing can be judged where too little of the driving is known from the calibration.
     doubt = max(1.0 - float(np.mean(search.day.weights)) / LEAST_FAMILIAR, 0.0)

@@ -96,6 +96,21 @@ def test_the_search_at_the_changed_car_starts_from_it(late_day):
     assert there.ranges.keys() == search.ranges.keys()
 
 
+def test_a_car_near_a_judged_one_keeps_its_derivatives_with_errors_of_its_own(late_day):
+    search = late_day.search.on(late_day.search.day)
+    h = dataclasses.replace(change("steering_delay", 0.08), covariance=np.array([[0.01**2]]))
+    first, near, far, anew = (
+        changed_car(search, h, np.array([q]), anew).day for q, anew in
+        ((0.08, False), (0.084, False), (0.087, False), (0.08, True))
+    )  # fmt: skip
+    assert near.jacobian is first.jacobian
+    np.testing.assert_array_equal(near.errors, search.day.errors_with({"steering_delay": 0.084}))
+    np.testing.assert_allclose(near.errors_with({"steering_delay": -0.084}), search.day.errors, atol=1e-9)
+    assert far.jacobian is not first.jacobian
+    assert anew.jacobian is not first.jacobian
+    np.testing.assert_array_equal(anew.jacobian, first.jacobian)
+
+
 def test_a_hypothesis_that_the_logs_do_not_show_is_left_out(other_car, searched):
     # A limit of the steering's rate that no command comes near does nothing to any prediction.
     search = searched(other_car.runs[1:], ("steering_rate_limit",))

@@ -2,6 +2,7 @@
 
 from typing import Any
 
+from experiments.drifting import covariance
 from experiments.drifting.again import text
 
 
@@ -26,3 +27,11 @@ def test_errors_are_relative_to_the_best_of_the_identified_cars() -> None:
     assert cells["double-track"][1] == "2 of 3"
     assert cells["reference"][1:3] == ["3 of 3", "0.200"]  # of 0.1, 0.4, 0.2
     assert lines[-1].startswith("The reference is of the kind: double-track 2, brush 1; 0.50 to 0.70 of")
+
+
+def test_the_covariances_report_has_a_row_a_car_and_the_range_of_both_shares() -> None:
+    rows = [{"vehicle": i, "outcome": "completed", "samples": 270, "stated": 0.2 + 0.3 * i, "learnt": 0.95 - 0.02 * i}
+            for i in range(2)]  # fmt: skip
+    said = covariance.text(rows)
+    assert "| 1 | completed | 270 | 0.500 | 0.930 |" in said
+    assert said.endswith("Of 0.95 stated: 0.200 to 0.500; with the car's own noise 0.930 to 0.950.")

@@ -168,7 +168,7 @@ def sentence(event: Mapping[str, Any]) -> str:
     if event["event"] == "change":
         return f"{t} the car has changed {since}; the simulator is not valid for it ({_cause(event)})"
     others = f"; or {', '.join(event['or'])}, which would look alike" if event.get("or") else ""
-    by = f", by a diagnosis of the {event['diagnosed']:.1f} s since" if "diagnosed" in event else ""
+    by = f", by a diagnosis of these {event['diagnosed']:.1f} s" if "diagnosed" in event else ""
     return f"{t} {_cause(event)}, {since}{others}{by}"
 
 

@@ -1,6 +1,7 @@
 """A page that shows what the monitor says, while it says it: one file without a server, which loads itself anew."""
 
 import dataclasses
+import math
 import time
 from collections import deque
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -37,6 +38,7 @@ class SignalLines:
     unit: str
     low: float
     high: float
+    middle: float  # to a thousandth of what lies between them
     measured: str  # points of SVG lines
     predicted: str
 
@@ -108,9 +110,11 @@ def traces(x: np.ndarray, signals: np.ndarray) -> list[SignalLines]:
         if not known.any():
             continue
         low, high = float(values[known].min()), float(values[known].max())
-        y = 100.0 * (high - values[known]) / max(high - low, 1e-9)
+        span = max(high - low, 1e-9)
+        y = 100.0 * (high - values[known]) / span
+        middle = round(0.5 * (high + low), 3 - math.ceil(math.log10(span)))
         lines = [" ".join(f"{a:.1f},{b:.1f}" for a, b in zip(x[known], y[:, k], strict=True)) for k in range(2)]
-        out.append(SignalLines(name, UNITS[name], low, high, *lines))
+        out.append(SignalLines(name, UNITS[name], low, high, middle, *lines))
     return out
 
 

@@ -82,7 +82,7 @@ def test_an_answer_is_an_event_with_rivals_by_the_effects_names() -> None:
     }  # fmt: skip
     assert sentence(event) == (
         "10.0 s: steering_delay +0.08 s (95 %: 0.06 to 0.1), probability 0.60 (sensor_latency 0.36), since 2.0 s, by a "
-        "diagnosis of the 8.0 s since"
+        "diagnosis of these 8.0 s"
     )
 
 

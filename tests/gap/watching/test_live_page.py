@@ -9,7 +9,7 @@ from drift_drake.car.parameters import VehicleParameters
 from drift_drake.cli.main import main
 from drift_drake.gap.monitoring.events import nothing_seen
 from drift_drake.gap.monitoring.watch import VerdictAt
-from drift_drake.gap.watching.live_page import LEADING, bands, page
+from drift_drake.gap.watching.live_page import LEADING, bands, page, traces
 
 SIGNALS_OF_A_DRIVE = np.arange(8.0).reshape(2, 4)
 
@@ -71,3 +71,13 @@ def test_a_watch_that_is_silent_is_said_to_be(monitor, tmp_path, browser, monkey
     assert "the watch writes nothing more" in window.locator("#age").inner_text()
     assert window.locator(".scale").nth(1).locator("span").all_inner_texts() == ["4", "2", "0"]  # of the yaw rate
     window.close()
+
+
+def test_the_middle_of_an_axis_has_no_more_digits_than_its_ends_show():
+    t = np.linspace(0.0, 1.0, 5)
+    signals = np.zeros((5, 2, 4))
+    signals[:, :, 0] = np.array([-0.628, 0.1, 0.2, 0.3, 0.62799506])[:, None]
+    signals[:, :, 1] = np.array([10.3, 11.0, 12.0, 13.0, 15.1])[:, None]
+    rate, speed, *_ = traces(t, signals)
+    assert rate.middle == 0.0
+    assert speed.middle == pytest.approx(12.7)

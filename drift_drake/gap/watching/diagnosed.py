@@ -39,7 +39,7 @@ def with_diagnoses(verdicts: Iterator[VerdictAt], diagnosed: Diagnosing) -> Iter
     for now in verdicts:
         last = now
         for event in now.events:
-            if event["event"] == "over":
+            if onsets and event["event"] == "over":
                 now = now._replace(events=[*event_at(now.t), *now.events])
                 onsets, asked = [], 0.0
             onsets += [event["onset"]] if "onset" in event else []

@@ -59,6 +59,7 @@ def test_a_change_that_is_over_is_diagnosed_and_forgotten() -> None:
     spans, said = asked(24.0, at_3=CHANGE, at_7={"event": "over", "t": 7.0})
     assert spans == [(2.0, 7.0)]
     assert [event["event"] for event in said] == ["change", "cause", "over"]
+    assert asked(5.0, at_3={"event": "over", "t": 3.0})[0] == []
 
 
 def test_the_latest_onset_that_leaves_rows_enough_is_believed() -> None:

@@ -11,7 +11,6 @@ the single-track, double-track and brush cars, each identified on the two lane d
 """
 
 import dataclasses
-import json
 from collections.abc import Sequence
 from typing import Any, Literal, NamedTuple
 
@@ -25,8 +24,6 @@ from drift_drake.car.log.table import InvalidLogError, Run
 from drift_drake.car.parameters import CarParameters, VehicleParameters
 from drift_drake.cli.drive_run import as_logged
 from drift_drake.common.arrays import Array
-from drift_drake.common.executors import run_jobs
-from drift_drake.common.run_folder import is_done, write_json
 from drift_drake.common.threads import one_blas_thread
 from drift_drake.drive.gathering.config import GatheringConfig
 from drift_drake.drive.gathering.plan import plan_drive
@@ -47,6 +44,7 @@ from experiments.gathering.beliefs import informative_drives
 from experiments.made import RunConfig, SpreadConfig, begun, tabulated, write_report
 from experiments.other_worlds.brush_drifters import COUPE
 from experiments.other_worlds.true_cars import TrueCar, true_car
+from experiments.settings import run_kept
 
 SECOND, FURTHER = 1, (101, 102, 103)  # seeds of the noise: of the second attempts, of the reference's drifts
 GUESSES: dict[str, CarParameters] = {"double-track": VehicleParameters(), "brush": COUPE}
@@ -63,6 +61,9 @@ class AgainConfig(SpreadConfig, RunConfig):
     vehicles: int = 8
     first: int = 0
     vehicle_seed: int = 0
+
+    def cars(self) -> "list[Vehicle]":
+        return [Vehicle(self.plant, self.first + i, self.vehicle_seed) for i in range(self.vehicles)]
 
 
 class Vehicle(NamedTuple):
@@ -179,11 +180,8 @@ def text(rows: Sequence[dict[str, Any]]) -> str:
 def main(config: AgainConfig) -> None:
     """All cars."""
     folder = begun("again", config)
-    jobs = [Vehicle(config.plant, config.first + i, config.vehicle_seed) for i in range(config.vehicles)]
-    paths = {job: folder / f"{job.number:03d}.json" for job in jobs}
-    missing = [job for job in jobs if not is_done(paths[job])]
-    run_jobs(config.run_on, attempts, missing, lambda job, found: write_json(paths[job], found), "car")
-    write_report(folder, text([json.loads(path.read_text()) for path in paths.values()]), config)
+    rows = run_kept(config.run_on, attempts, config.cars(), lambda car: folder / f"{car.number:03d}.json", "car")
+    write_report(folder, text(rows), config)
 
 
 if __name__ == "__main__":

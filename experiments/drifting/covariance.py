@@ -7,8 +7,6 @@ within the 95 % region of what was believed before each (eq. 7): with the noise 
 the car's own last samples showed (`drift_drake.drive.learnt.noise`).
 """
 
-import dataclasses
-import json
 from collections.abc import Sequence
 from typing import Any
 
@@ -16,26 +14,15 @@ import numpy as np
 from scipy.stats import chi2
 
 from diagrams.command import run_command
-from drift_drake.common.executors import run_jobs
-from drift_drake.common.run_folder import is_done, write_json
 from drift_drake.common.threads import one_blas_thread
 from drift_drake.drive.learnt.features import STATE_COUNT
 from drift_drake.drive.learnt.noise import within
-from experiments.drifting.again import Plant, Vehicle, distances_of
+from experiments.drifting.again import AgainConfig, Vehicle, distances_of
 from experiments.drifting.runs import adapting
-from experiments.made import RunConfig, SpreadConfig, begun, tabulated, write_report
+from experiments.made import begun, tabulated, write_report
+from experiments.settings import run_kept
 
 SHARE = 0.95
-
-
-@dataclasses.dataclass(frozen=True)
-class CovarianceConfig(SpreadConfig, RunConfig):
-    """Which cars."""
-
-    plant: Plant = "multi_body"
-    vehicles: int = 6
-    first: int = 0
-    vehicle_seed: int = 0
 
 
 @one_blas_thread()
@@ -61,15 +48,12 @@ def text(rows: Sequence[dict[str, Any]]) -> str:
                       f"{spans[1]}."])  # fmt: skip
 
 
-def main(config: CovarianceConfig) -> None:
+def main(config: AgainConfig) -> None:
     """All cars."""
     folder = begun("covariance", config)
-    jobs = [Vehicle(config.plant, config.first + i, config.vehicle_seed) for i in range(config.vehicles)]
-    paths = {job: folder / f"{job.number:03d}.json" for job in jobs}
-    missing = [job for job in jobs if not is_done(paths[job])]
-    run_jobs(config.run_on, shares, missing, lambda job, found: write_json(paths[job], found), "car")
-    write_report(folder, text([json.loads(path.read_text()) for path in paths.values()]), config)
+    rows = run_kept(config.run_on, shares, config.cars(), lambda car: folder / f"{car.number:03d}.json", "car")
+    write_report(folder, text(rows), config)
 
 
 if __name__ == "__main__":
-    run_command(main, CovarianceConfig, __doc__)
+    run_command(main, AgainConfig, __doc__)

@@ -5,7 +5,6 @@ rows fits each cause's magnitude and simulates it; it takes seconds. So it is ma
 each time there are twice as many, and where the change or the log ends.
 """
 
-import math
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
@@ -16,10 +15,10 @@ from drift_drake.car.given_vehicle import Vehicle
 from drift_drake.car.log.table import InvalidLogError, Run, read_run
 from drift_drake.gap.diagnosis.answers.answer import Answer
 from drift_drake.gap.diagnosis.answers.rivals import TOO, of_rivals
-from drift_drake.gap.estimation.prior import Interval
 from drift_drake.gap.evidence.posterior import NONE, UNKNOWN
 from drift_drake.gap.monitoring.events import cause_of, rounded
 from drift_drake.gap.monitoring.watch import VerdictAt
+from drift_drake.gap.watching.follow import Tail
 
 FIRST = 6.0  # [s] since the change
 Event = dict[str, Any]
@@ -64,21 +63,26 @@ def diagnosed_cause(answer: Answer, onset: float, t: float) -> Event:
     hypothesis = "+".join(sorted(answer.causes)) or UNKNOWN
     alone, too = (answer.posterior.get(name, 0.0) for name in (hypothesis, hypothesis + TOO))
     others = {name.removesuffix(TOO): p for name, p in of_rivals(answer.posterior, hypothesis).items()}
-    magnitude = next((answer.magnitudes[name] for name in answer.causes), Interval(*[math.nan] * 3))
+    magnitude = next(((m.estimate, m.low, m.high) for m in map(answer.magnitudes.get, answer.causes) if m), ())
     event = {"t": t, "event": "cause", "diagnosed": t - onset} | cause_of(
-        (*answer.causes, UNKNOWN)[0], alone + too, others.pop(NONE, 0.0), onset, others,
-        (magnitude.estimate, magnitude.low, magnitude.high),
+        (*answer.causes, UNKNOWN)[0], alone + too, others.pop(NONE, 0.0), onset, others, magnitude,
     )  # fmt: skip
     also = [*answer.causes[1:], *([UNKNOWN] if answer.causes and too > alone else [])]
     return {key: rounded(value) for key, value in event.items()} | ({"with": also} if also else {})
 
 
-def diagnosing(log: str | Path | Run, vehicle: Vehicle, calibration: Any) -> Diagnosing:
-    """Diagnoses rows of a log, of a car that was calibrated; the arguments are those of `watch`."""
+def diagnosing(log: str | Path | Run, vehicle: Vehicle, calibration: Any, tail: Tail | None = None) -> Diagnosing:
+    """Diagnoses rows of a log, of a car that was calibrated; the arguments are those of `watch`.
+
+    Args:
+        tail: of a log that is followed: once it was cut or replaced, its file holds other rows, and none is diagnosed.
+    """
 
     def diagnosed(begin: float, end: float) -> Answer | None:
         from drift_drake.gap.diagnosis.diagnose import diagnose  # slow to import
 
+        if tail is not None and tail.ended:
+            return None
         try:
             run = log if isinstance(log, Run) else read_run(Path(log))
             first, last = np.searchsorted(run.t, [begin, end + 0.5 * run.period])

@@ -174,7 +174,7 @@ def watch(
     for part in _parts(log, follow, tail, monitor_for, progress):
         if found is not None and tail is not None:
             report([{"t": 0.0, "event": "anew", "why": tail.last_end}])
-        verdicts = part.verdicts(diagnosing(log, vehicle, calibration))
+        verdicts = part.verdicts(diagnosing(log, vehicle, calibration, tail))
         if page is not None:
             from drift_drake.gap.watching.live_page import shown_while  # jinja2 is slow to import
 

@@ -8,11 +8,13 @@ import numpy as np
 import pytest
 
 from drift_drake.car.log.table import Run, write_run
+from drift_drake.common.errors import DriftDrakeError
 from drift_drake.gap.diagnosis.answers.answer import Answer
 from drift_drake.gap.estimation.prior import Interval
 from drift_drake.gap.monitoring.events import nothing_seen, sentence
 from drift_drake.gap.monitoring.watch import VerdictAt
 from drift_drake.gap.watching.diagnosed import Event, diagnosed_cause, diagnosing, with_diagnoses
+from drift_drake.gap.watching.follow import Tail
 
 LATE = {"steering_delay": 0.5, "sensor_latency": 0.3, "steering_delay+unknown": 0.1, "sensor_latency+unknown": 0.06}
 ANSWER = Answer(
@@ -106,8 +108,13 @@ def test_two_causes_an_additional_fault_and_unknown_are_said() -> None:
     assert "unknown cause, probability 0.95" in sentence(event)
 
 
-def test_too_few_rows_are_no_error_whether_of_a_run_or_of_its_file(changed_run: Run, tmp_path) -> None:
+def test_too_few_rows_and_those_of_a_replaced_log_are_no_error(changed_run: Run, tmp_path) -> None:
     write_run(changed_run, tmp_path / "run_0.csv")
     for log in (changed_run, tmp_path / "run_0.csv"):
         assert diagnosing(log, "no file is read", None)(2.0, 2.005) is None
+    tail = Tail(tmp_path / "run_0.csv", 0.0)
+    with pytest.raises(DriftDrakeError, match="no file is read"):
+        diagnosing(tail.path, "no file is read", None, tail)(0.0, 5.0)
+    tail.ended = "has been replaced"
+    assert diagnosing(tail.path, "no file is read", None, tail)(0.0, 5.0) is None
     assert diagnosing(tmp_path / "gone.csv", "no file is read", None)(2.0, 4.0) is None

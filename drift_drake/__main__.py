@@ -7,14 +7,14 @@ from drift_drake.common.interruption import ended_at_once, leave_ends_to_the_sys
 
 def main() -> int:
     """Runs the command line; returns its exit code."""
+    leave_ends_to_the_system()  # Python's own answer to Ctrl-C is a traceback
     closed = stand_in_for_closed_streams()
     if closed is not None:
         return closed
-    with ended_at_once():
+    with ended_at_once():  # until the command line answers by itself, and once it no longer does
         from drift_drake.cli.main import main as cli
-    code = cli()
-    leave_ends_to_the_system()
-    return code
+
+        return cli()
 
 
 if __name__ == "__main__":

@@ -42,6 +42,19 @@ def test_what_has_not_begun_ends_at_once(number: signal.Signals, how: str, code:
     assert (beginning.returncode, said, error) == (code, "", f"drift-drake: {how} before anything was begun\n")
 
 
+def test_no_moment_of_a_command_has_pythons_own_answer() -> None:
+    """Between its imports and its own answer, too, where a signal was answered with a traceback."""
+    program = (
+        "import os, signal, sys\n"
+        "import drift_drake.cli.main\n"
+        "drift_drake.cli.main.main = lambda: os.kill(os.getpid(), signal.SIGINT)\n"
+        "from drift_drake.__main__ import main\n"
+        "sys.exit(main())"
+    )
+    done = subprocess.run([sys.executable, "-c", program], env=ENVIRONMENT, capture_output=True, text=True)
+    assert (done.returncode, done.stderr) == (130, "drift-drake: interrupted before anything was begun\n")
+
+
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_signals_wait_for_a_blocks_end_whichever_thread_they_come_to(number: signal.Signals) -> None:
     came, other = [], threading.Thread(target=time.sleep, args=(0.5,))

@@ -102,7 +102,7 @@ def _importing(frame: FrameType | None) -> bool:
 
 
 def leave_ends_to_the_system() -> None:
-    """For a command that is over: Python's own end, which takes a moment, has no lines of its own for a signal."""
+    """For a command that has not begun, or is over: Python itself has no lines of its own for a signal."""
     for number in _heeded():
         signal.signal(number, signal.SIG_DFL)
 

@@ -30,9 +30,9 @@ class DriveOptions:
     (known); or the shipped learnt model, of cars like the default coupe, without adaptation (prior), adapting while it
     drives, the actuators' lags too (online), with an estimated offset too (offset_free), or so with the
     prior of cars of many structures (varied)."""
-    after: Path | None = None
-    """Log of an earlier drive of this course, which a model that adapts begins with (such as run_0.csv of its
-    folder)."""
+    after: tuple[Path, ...] = ()
+    """Logs of earlier drives, which a model that adapts begins with (such as run_0.csv of their folders): of this
+    course, or of the other one with the same circles, of which a sample counts 0.3."""
     radius: float | None = None
     """Radius of the circles [m]; if not given, 18 m for the default coupe. Other cars' lengths are in proportion to the
     wheelbase, and speeds to its root."""
@@ -90,7 +90,7 @@ def run_drive(command: ClosedLoopDrive) -> None:
         raise InvalidOptionError(f"--seed {command.seed}: give 0 or more")
     if command.vehicle is not None:
         read_plant(command.vehicle)
-    try_outputs({"--json": command.json}, [path for path in (command.vehicle, command.after) if path is not None])
+    try_outputs({"--json": command.json}, [path for path in (command.vehicle, *command.after) if path is not None])
     with contextlib.nullcontext() if command.out is None else alone_in(command.out):
         if command.out is not None and any(not path.name.startswith(".") for path in command.out.iterdir()):
             raise OutputError(f"--out {command.out}: holds files already; give a new folder")

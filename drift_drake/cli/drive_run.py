@@ -1,5 +1,6 @@
 """The closed loop as a command: what to drive with which model, and what a run leaves behind."""
 
+import contextlib
 import dataclasses
 import json
 from pathlib import Path
@@ -32,6 +33,8 @@ from drift_drake.drive.loop.earlier_drive import HELD, beliefs_after
 from drift_drake.drive.loop.endings import RunLimits
 from drift_drake.drive.loop.faults import parse_fault
 from drift_drake.drive.loop.metrics import RunMetrics
+from drift_drake.drive.reference.chain import NoTransitionError
+from drift_drake.drive.reference.equilibrium import NoEquilibriumError
 from drift_drake.drive.reference.similarity import similarity, time_step
 from drift_drake.drive.reference.trajectory import Reference, figure_8, loops
 from drift_drake.gap.monitoring.events import sentence
@@ -85,6 +88,14 @@ def reference_of(config: ClosedLoopConfig) -> Reference:
                   half_width=config.half_width)  # fmt: skip
 
 
+def others_of(config: ClosedLoopConfig) -> list[Reference]:
+    """Further courses with the same drifts, if the car can drive them."""
+    other: Literal["figure_8", "loops"] = "loops" if config.reference == "figure_8" else "figure_8"
+    with contextlib.suppress(NoEquilibriumError, NoTransitionError, ValueError):
+        return [reference_of(dataclasses.replace(config, reference=other))]
+    return []
+
+
 def build(config: ClosedLoopConfig) -> ClosedLoop:
     """The closed loop that a config describes."""
     parameters, reference = config.parameters(), reference_of(config)
@@ -130,11 +141,11 @@ class StartedRun(NamedTuple):
 
 
 def started(config: ClosedLoopConfig) -> StartedRun:
-    """The loop of a config at its start, with what an earlier drive has taught.
+    """The loop of a config at its start, with what earlier drives have taught.
 
     Raises:
-        InvalidOptionError: such a drive for a model that does not adapt; InvalidLogError: one that is none of this
-            course, or did not hold its drifts; and those of `build`.
+        InvalidOptionError: such drives for a model that does not adapt; InvalidLogError: one of neither course, or
+            that did not hold its drifts; and those of `build`.
     """
     # In a steady state the course is along the path: an error in sideslip alone is one of the heading.
     unit = similarity(config.parameters()).length
@@ -142,13 +153,13 @@ def started(config: ClosedLoopConfig) -> StartedRun:
     error = np.array([0.0, 0.0, config.sideslip_error, 0.0, lateral, 0.0])
     loop = build(config)
     context = loop.initial_context(config.seed, error)
-    if config.after is not None:
+    if config.after:
         if loop.adapter is None:
             raise InvalidOptionError(
                 f"--after is for a model that adapts, not {config.model}: online, offset_free or varied"
             )
-        run = only_run(config.after, "--after")
-        beliefs = beliefs_after(loop.adapter.model, run, loop.reference, loop.adapter.lags)
+        runs = [only_run(path, "--after") for path in config.after]
+        beliefs = beliefs_after(loop.adapter.model, runs, loop.reference, loop.adapter.lags, others=others_of(config))
         loop.adapter.set_beliefs(loop.adapter.GetMyMutableContextFromRoot(context), beliefs)
     return StartedRun(loop, context, RunLimits(lane_margin=RunLimits().lane_margin * unit))
 
@@ -196,7 +207,8 @@ def main(config: ClosedLoopConfig, to: TextIO | None = None) -> dict[str, Any]:
         file=to,
     )
     if start.loop.adapter is not None and m.completed and m.drifting >= HELD:
-        print(f"a second attempt can begin with what this one taught: --after {folder / 'run_0.csv'}", file=to)
+        logs = " ".join(map(str, [*config.after, folder / "run_0.csv"]))
+        print(f"a further attempt, or one of the other course, can begin with what was learnt: --after {logs}", file=to)
     return {"out": folder, "metrics": m, "events": events}
 
 

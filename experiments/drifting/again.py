@@ -32,14 +32,13 @@ from drift_drake.drive.learnt.noise import within
 from drift_drake.drive.learnt.quality import squared_distances
 from drift_drake.drive.learnt.samples import samples_from_log
 from drift_drake.drive.loop.closed_loop import ControlConfig
-from drift_drake.drive.loop.earlier_drive import beliefs_after
 from drift_drake.gap.choose.choice import car_error
 from drift_drake.gap.choose.identified import IdentifiedCar, identified_with_own_states
 from drift_drake.gap.estimation.windows import windowed
 from drift_drake.gap.identification.identify import calibrate
 from drift_drake.gap.identification.stated import Asked
 from experiments.benchmarks.intervals import by_vehicle
-from experiments.drifting.runs import Believes, DriveJob, adapting, drive, reference
+from experiments.drifting.runs import Believes, DriveJob, Maneuver, adapting, adapting_after, drive
 from experiments.gathering.beliefs import informative_drives
 from experiments.made import RunConfig, SpreadConfig, begun, tabulated, write_report
 from experiments.other_worlds.brush_drifters import COUPE
@@ -76,9 +75,11 @@ class Vehicle(NamedTuple):
     def made(self) -> TrueCar:
         return true_car(self.world, self.number, self.seed)
 
-    def drifted(self, believes: Believes, seed: int) -> tuple[pd.DataFrame, dict[str, Any]]:
-        """(the log of a figure-8, its metrics) with what a controller believes."""
-        job = DriveJob("again", {}, "figure_8", Effects(), seed, believes, ControlConfig(), self.made())
+    def drifted(
+        self, believes: Believes, seed: int, maneuver: Maneuver = "figure_8"
+    ) -> tuple[pd.DataFrame, dict[str, Any]]:
+        """(the log of a drive, its metrics) with what a controller believes."""
+        job = DriveJob("again", {}, maneuver, Effects(), seed, believes, ControlConfig(), self.made())
         metrics, table = drive(job)
         return as_logged(table), metrics
 
@@ -127,7 +128,7 @@ def attempts(vehicle: Vehicle) -> dict[str, Any]:
     keep("first again", adapting())
     (run,) = runs_of([first])
     try:
-        keep("learnt", adapting(beliefs_after(load_varied(), run, reference("figure_8"))))
+        keep("learnt", adapting_after([run], "figure_8"))
         once = identified_with_own_states([windowed(run)], VehicleParameters())
         if once is not None:
             keep("identified", once[0])

@@ -3,9 +3,9 @@
     python -m experiments.drifting.chain --plant multi_body --vehicle 1 --out runs/chain
 
 Two informative drives on the lane are asked which model may drive the car (`gap.choose`). The figure-8 and the loops
-are drifted with that model: the identified car, or the learnt one that adapts, which drifts each a second time with
-what the first attempt taught. The gap between the car of the vehicle file and the plant is then identified from the two
-drives (`identify`), and diagnosed relative to that from the drifts.
+are drifted with that model: the identified car, or the learnt one that adapts, which begins the loops with what the
+figure-8 taught, and drifts each a second time with what the first attempt did. The gap between the car of the vehicle
+file and the plant is then identified from the two drives (`identify`), and diagnosed relative to that from the drifts.
 Written: config.json, logs/{lane,drifts}, identified.yaml, corrected.yaml, report.md, overhead.png, replay.html.
 """
 
@@ -30,14 +30,13 @@ from drift_drake.drive.gathering.plan import plan_drive
 from drift_drake.drive.learnt.checkpoint import load_model
 from drift_drake.drive.learnt.hybrid_step import load_hybrid
 from drift_drake.drive.loop.closed_loop import ClosedLoopRun, ControlConfig
-from drift_drake.drive.loop.earlier_drive import beliefs_after
 from drift_drake.gap.choose.choice import Choice, ask
 from drift_drake.gap.diagnosis.answers.apply import corrected_vehicle
 from drift_drake.gap.diagnosis.diagnose import diagnose
 from drift_drake.gap.identification.identify import identify
 from drift_drake.view.pictures.overhead import overhead
 from drift_drake.view.pictures.replay import replay
-from experiments.drifting.runs import Believes, DriveJob, Learnt, Maneuver, adapting, driven, reference
+from experiments.drifting.runs import Believes, DriveJob, Learnt, Maneuver, adapting, adapting_after, driven, reference
 from experiments.gathering.beliefs import informative_drives
 from experiments.made import RunConfig, tabulated, write_report
 from experiments.other_worlds.true_cars import TrueCar, World, true_car
@@ -77,18 +76,21 @@ def drifted(car: TrueCar, believes: Believes, config: ChainConfig) -> tuple[dict
     """(both manoeuvres, driven, and with the learnt model a second time each, which begins with what the first taught;
     why one did not, in sentences)."""
     runs, said = dict[str, ClosedLoopRun](), list[str]()
+    adapts = isinstance(believes, Learnt) and believes.car is None
     for maneuver in MANEUVERS:
         job = DriveJob(maneuver, {}, maneuver, Effects(), config.seed, believes, config.control, car)
         runs[maneuver] = driven(job)
-        if not isinstance(believes, Learnt) or believes.car is not None:
+        if not adapts:
             continue
+        log = logged(maneuver, runs[maneuver])
         try:
-            earlier = beliefs_after(believes.model, logged(maneuver, runs[maneuver]), reference(maneuver))
+            again = dataclasses.replace(job, noise_seed=config.seed + 1, believes=adapting_after([log], maneuver))
         except InvalidLogError as error:
             said.append(f"No second attempt: {error}.")
             continue
-        again = dataclasses.replace(job, noise_seed=config.seed + 1, believes=adapting(earlier))
         runs[f"{maneuver} {AGAIN}"] = driven(again)
+        if maneuver == "figure_8":
+            believes = adapting_after([log], "loops", "figure_8")
     return runs, said
 
 

@@ -24,6 +24,7 @@ import pandas as pd
 from drift_drake.car.double_track.parameters import DoubleTrackParameters
 from drift_drake.car.effects.magnitudes import Effects
 from drift_drake.car.internal_states import RememberingStepModel
+from drift_drake.car.log.table import Run
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.car.sensor_errors import sensor_errors
 from drift_drake.car.step_model import NominalStepModel, StepModel
@@ -39,6 +40,7 @@ from drift_drake.drive.learnt.lag_bank import BANK
 from drift_drake.drive.learnt.posterior import Posterior
 from drift_drake.drive.learnt.quality import step_model
 from drift_drake.drive.loop.closed_loop import ClosedLoop, ClosedLoopRun, ControlConfig
+from drift_drake.drive.loop.earlier_drive import beliefs_after
 from drift_drake.drive.reference.trajectory import Reference, figure_8, loops
 from drift_drake.gap.choose.choice import (
     SURPRISED,
@@ -168,6 +170,15 @@ def adapting(earlier: Beliefs | None = None) -> Learnt:
     """The model of many structures, beginning with its prior or with what an earlier drive has taught."""
     model = load_varied()
     return Learnt(model, model.prior(), adapting=True, offset_time=OFFSET_TIMES["varied"], lags=True, earlier=earlier)
+
+
+def adapting_after(runs: Sequence[Run], maneuver: Maneuver, *others: Maneuver) -> Learnt:
+    """The same for a manoeuvre, with what earlier drives of it, or of others, have taught.
+
+    Raises: as `beliefs_after`.
+    """
+    courses = [reference(other) for other in others]
+    return adapting(beliefs_after(load_varied(), runs, reference(maneuver), others=courses))
 
 
 @dataclasses.dataclass(frozen=True)

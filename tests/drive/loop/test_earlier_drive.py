@@ -1,6 +1,7 @@
 """What an earlier drive teaches: as the adapter learns it on the way, and only of a drive of this course, held."""
 
 import dataclasses
+from functools import partial
 from pathlib import Path
 from typing import cast
 
@@ -15,13 +16,14 @@ from pydrake.trajectories import PiecewisePolynomial
 from drift_drake.car.log.table import COLUMNS, InvalidLogError, Run
 from drift_drake.car.parameters import VehicleParameters
 from drift_drake.cli.drive_run import ClosedLoopConfig, main, run_closed_loop
+from drift_drake.common.arrays import Array
 from drift_drake.common.errors import InvalidOptionError
 from drift_drake.drive.learnt.adapter import BayesianAdapter
 from drift_drake.drive.learnt.checkpoint import load_varied
 from drift_drake.drive.learnt.command_lag import CommandLag
 from drift_drake.drive.learnt.posterior import Posterior
 from drift_drake.drive.loop.closed_loop import ClosedLoop
-from drift_drake.drive.loop.earlier_drive import beliefs_after, check_earlier_drive
+from drift_drake.drive.loop.earlier_drive import OTHER_COURSE, beliefs_after, check_earlier_drive
 from drift_drake.drive.reference.trajectory import Reference, figure_8, loops
 
 CAR = VehicleParameters()
@@ -65,7 +67,7 @@ def test_beliefs_are_those_of_the_adapter_that_was_in_the_loop(course: Reference
     taken, refused = adapter.GetOutputPort("counters").Eval(context)
     assert taken + refused == (len(run) - 1) // 10
     adapter.set_posterior(context, model.prior())
-    adapter.set_beliefs(context, beliefs_after(model, run, course, LAGS))
+    adapter.set_beliefs(context, beliefs_after(model, [run], course, LAGS))
     assert adapter.believed(context) == believed
     assert np.abs(on_the_way.mean - model.prior().mean).max() > 0.01
     for found, expected in zip(adapter.posterior(context), on_the_way, strict=True):
@@ -73,8 +75,8 @@ def test_beliefs_are_those_of_the_adapter_that_was_in_the_loop(course: Reference
 
 
 def test_the_period_of_the_log_does_not_matter(course: Reference) -> None:
-    coarse = beliefs_after(load_varied(), along(course, 0.02), course, LAGS[:1])
-    fine = beliefs_after(load_varied(), along(course), course, LAGS[:1])
+    coarse = beliefs_after(load_varied(), [along(course, 0.02)], course, LAGS[:1])
+    fine = beliefs_after(load_varied(), [along(course)], course, LAGS[:1])
     learnt = np.abs(fine.posteriors[0].mean - load_varied().prior().mean).max()
     np.testing.assert_allclose(coarse.posteriors[0].mean, fine.posteriors[0].mean, rtol=0.0, atol=0.02 * learnt)
 
@@ -82,7 +84,7 @@ def test_the_period_of_the_log_does_not_matter(course: Reference) -> None:
 def test_a_spike_teaches_nothing(course: Reference) -> None:
     run = along(course)
     spiked = dataclasses.replace(run, r=np.where(np.arange(len(run)) == 800, 30.0, run.r))
-    plain, found = (beliefs_after(load_varied(), one, course, LAGS[:1]).posteriors[0] for one in (run, spiked))
+    plain, found = (beliefs_after(load_varied(), [one], course, LAGS[:1]).posteriors[0] for one in (run, spiked))
     assert np.abs(found.mean - plain.mean).max() < 0.1 * np.abs(plain.mean - load_varied().prior().mean).max()
 
 
@@ -104,13 +106,35 @@ def test_what_is_no_drive_of_this_course_is_refused(course: Reference) -> None:
     check_earlier_drive(run, course)
 
 
+def test_samples_of_all_drives_add_up_and_those_of_another_course_count_less(course: Reference) -> None:
+    """A precision grows by what the samples hold, whatever was there before them."""
+    model, other = load_varied(), loops(CAR)
+    here, there = along(course), along(other)
+    assert check_earlier_drive(there, course, other) is other
+    assert check_earlier_drive(here, course, other) is course
+
+    def growth(runs: list[Run], next_course: Reference, *others: Reference) -> Array:
+        beliefs = beliefs_after(model, runs, next_course, LAGS[:1], np.inf, others)
+        return np.linalg.inv(beliefs.posteriors[0].covariance) - np.linalg.inv(model.prior().covariance)
+
+    own, less = growth([there], other), growth([there], course, other)
+    close = partial(np.testing.assert_allclose, rtol=0.0, atol=1e-6 * np.abs(own).max())
+    close(less, OTHER_COURSE * own)
+    close(growth([here, there], course, other), growth([here], course) + less)
+
+
+def test_neither_course_is_said_with_what_to_give(course: Reference) -> None:
+    with pytest.raises(InvalidLogError, match=r"off the course .* or of another one with the same drifts"):
+        check_earlier_drive(along(figure_8(CAR, radius=20.0)), course, loops(CAR))
+
+
 def written(run: Run, path: Path) -> Path:
     columns = {name: run.column(name) for name in COLUMNS if run.column(name) is not None}
     pd.DataFrame(columns).to_csv(path, index=False, float_format="%.17g")
     return path
 
 
-def test_a_drive_begins_with_what_an_earlier_one_taught(
+def test_a_drive_begins_with_what_an_earlier_one_of_either_course_taught(
     course: Reference, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     log = written(along(course), tmp_path / "first.csv")
@@ -120,15 +144,20 @@ def test_a_drive_begins_with_what_an_earlier_one_taught(
         return loop.adapter.posterior(loop.adapter.GetMyContextFromRoot(context))
 
     monkeypatch.setattr(ClosedLoop, "run", at_its_start)
-    config = ClosedLoopConfig(model="varied", after=log)
-    beliefs = beliefs_after(load_varied(), along(course), course)
-    expected = beliefs.posteriors[int(np.argmax(beliefs.evidence))]
-    for found, part in zip(cast(Posterior, run_closed_loop(config)), expected, strict=True):
-        np.testing.assert_allclose(found, part, rtol=1e-9, atol=1e-12)
+    for config, beliefs in (
+        (ClosedLoopConfig(model="varied", after=(log,)), beliefs_after(load_varied(), [along(course)], course)),
+        (
+            ClosedLoopConfig(model="varied", after=(log, log), reference="loops"),
+            beliefs_after(load_varied(), [along(course)] * 2, loops(CAR), others=[course]),
+        ),
+    ):
+        expected = beliefs.posteriors[int(np.argmax(beliefs.evidence))]
+        for found, part in zip(cast(Posterior, run_closed_loop(config)), expected, strict=True):
+            np.testing.assert_allclose(found, part, rtol=1e-9, atol=1e-12)
 
 
 def test_a_refused_drive_leaves_no_folder(course: Reference, tmp_path: Path) -> None:
-    config = ClosedLoopConfig(model="varied", after=written(along(course, until=0.3), tmp_path / "first.csv"))
+    config = ClosedLoopConfig(model="varied", after=(written(along(course, until=0.3), tmp_path / "first.csv"),))
     for broken, kind, said in (
         (config, InvalidLogError, "first.csv: ends after"),
         (

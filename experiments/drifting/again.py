@@ -4,12 +4,15 @@
 
 Each car drifts the figure-8 with the adapting model of many structures (`first`), then once more with another noise:
 with that model anew (`first again`); so that it begins with what the first drift taught (`learnt`, as `drift-drake
-drive --after`); and with the double-track car that the first drift identifies (`identified`). After a first drift that
-was not held these two are `first again`. The reference stands in for an oracle where nobody has the car's equations: of
-the single-track, double-track and brush cars, each identified on the two lane drives and three further drifts (some
-90 s, ten times the lane drives), the one that drives best. Broken off, it goes on where it was (give `--out`).
+drive --after`), and a third time with what both taught (`learnt twice`); and with the double-track car that the first
+drift identifies (`identified`). After a first drift that was not held these are `first again`. It drifts the figure-8
+after one at 0.4 rad of sideslip, too (`after a gentle one`). The reference stands in for an oracle where nobody has the
+car's equations: of the single-track, double-track and brush cars, each identified on the two lane drives and three
+further drifts (some 90 s, ten times the lane drives), the one that drives best. Broken off, it goes on where it was
+(give `--out`).
 """
 
+import contextlib
 import dataclasses
 from collections.abc import Sequence
 from typing import Any, Literal, NamedTuple
@@ -32,24 +35,35 @@ from drift_drake.drive.learnt.noise import within
 from drift_drake.drive.learnt.quality import squared_distances
 from drift_drake.drive.learnt.samples import samples_from_log
 from drift_drake.drive.loop.closed_loop import ControlConfig
+from drift_drake.drive.loop.earlier_drive import check_earlier_drive
 from drift_drake.gap.choose.choice import car_error
 from drift_drake.gap.choose.identified import IdentifiedCar, identified_with_own_states
 from drift_drake.gap.estimation.windows import windowed
 from drift_drake.gap.identification.identify import calibrate
 from drift_drake.gap.identification.stated import Asked
 from experiments.benchmarks.intervals import by_vehicle
-from experiments.drifting.runs import Believes, DriveJob, Maneuver, adapting, adapting_after, drive
+from experiments.drifting.runs import Believes, DriveJob, Learnt, Maneuver, adapting, adapting_after, drive, reference
 from experiments.gathering.beliefs import informative_drives
 from experiments.made import RunConfig, SpreadConfig, begun, tabulated, write_report
 from experiments.other_worlds.brush_drifters import COUPE
 from experiments.other_worlds.true_cars import TrueCar, true_car
 from experiments.settings import run_kept
 
-SECOND, FURTHER = 1, (101, 102, 103)  # seeds of the noise: of the second attempts, of the reference's drifts
+SECOND, THIRD, FURTHER = 1, 2, (101, 102, 103)  # seeds of the noise: of later attempts, of the reference's drifts
 GUESSES: dict[str, CarParameters] = {"double-track": VehicleParameters(), "brush": COUPE}
 KINDS = ("single-track", *GUESSES)
 Plant = Literal["multi_body", "mujoco", "brush"]  # drawn one by one, without further effects
-MODELS = ("first", "first again", "learnt", "identified", *KINDS, "reference", "oracle")
+MODELS = (
+    "first",
+    "first again",
+    "after a gentle one",
+    "learnt",
+    "learnt twice",
+    "identified",
+    *KINDS,
+    "reference",
+    "oracle",
+)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -114,6 +128,16 @@ def identified_kinds(runs: Sequence[Run]) -> dict[str, IdentifiedCar]:
     return cars
 
 
+def after(drifts: Sequence[Run], maneuver: Maneuver = "figure_8") -> Learnt:
+    """What those figure-8s taught that held their drifts."""
+    taught = []
+    for run in drifts:
+        with contextlib.suppress(InvalidLogError):
+            check_earlier_drive(run, reference("figure_8"))
+            taught.append(run)
+    return adapting_after(taught, maneuver, "figure_8")
+
+
 @one_blas_thread()
 def attempts(vehicle: Vehicle) -> dict[str, Any]:
     """The metrics of each attempt of one car; of its first drift how far off its identified cars are (`car_error`), and
@@ -126,15 +150,18 @@ def attempts(vehicle: Vehicle) -> dict[str, Any]:
 
     first = keep("first", adapting(), seed=0)
     keep("first again", adapting())
+    gentle, _ = vehicle.drifted(adapting(), 0, "gentle")
+    keep("after a gentle one", after(runs_of([gentle])))
     (run,) = runs_of([first])
     try:
-        keep("learnt", adapting_after([run], "figure_8"))
+        second = keep("learnt", adapting_after([run], "figure_8"))
+        keep("learnt twice", after([run, *runs_of([second])]), THIRD)
         once = identified_with_own_states([windowed(run)], VehicleParameters())
         if once is not None:
             keep("identified", once[0])
     except InvalidLogError as error:
         refused = str(error)
-        found["learnt"] = found["identified"] = found["first again"]
+        found["learnt"] = found["learnt twice"] = found["identified"] = found["first again"]
     further = [vehicle.drifted(adapting(), seed)[0] for seed in FURTHER]
     cars = identified_kinds(runs_of([*vehicle.lane_drives(), *further]))
     for kind, car in cars.items():

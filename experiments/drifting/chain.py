@@ -3,9 +3,9 @@
     python -m experiments.drifting.chain --plant multi_body --vehicle 1 --out runs/chain
 
 Two informative drives on the lane are asked which model may drive the car (`gap.choose`). The figure-8 and the loops
-are drifted with that model: the identified car, or the learnt one that adapts, which begins the loops with what the
-figure-8 taught, and drifts each a second time with what the first attempt did. The gap between the car of the vehicle
-file and the plant is then identified from the two drives (`identify`), and diagnosed relative to that from the drifts.
+are drifted with that model: the identified car, or the learnt one that adapts, which drifts each twice and begins with
+what all drifts before taught. The gap between the car of the vehicle file and the plant is then identified from the two
+drives (`identify`), and diagnosed relative to that from the drifts.
 Written: config.json, logs/{lane,drifts}, identified.yaml, corrected.yaml, report.md, overhead.png, replay.html.
 """
 
@@ -30,6 +30,7 @@ from drift_drake.drive.gathering.plan import plan_drive
 from drift_drake.drive.learnt.checkpoint import load_model
 from drift_drake.drive.learnt.hybrid_step import load_hybrid
 from drift_drake.drive.loop.closed_loop import ClosedLoopRun, ControlConfig
+from drift_drake.drive.loop.earlier_drive import check_earlier_drive
 from drift_drake.gap.choose.choice import Choice, ask
 from drift_drake.gap.diagnosis.answers.apply import corrected_vehicle
 from drift_drake.gap.diagnosis.diagnose import diagnose
@@ -73,24 +74,24 @@ def believed(choice: Choice, config: ChainConfig) -> tuple[str, Believes]:
 
 
 def drifted(car: TrueCar, believes: Believes, config: ChainConfig) -> tuple[dict[str, ClosedLoopRun], list[str]]:
-    """(both manoeuvres, driven, and with the learnt model a second time each, which begins with what the first taught;
-    why one did not, in sentences)."""
-    runs, said = dict[str, ClosedLoopRun](), list[str]()
+    """(both manoeuvres, driven, and with the learnt model a second time each, which begins with what all drives before
+    taught; which of them taught nothing, and why, in sentences)."""
+    runs, taught, said = dict[str, ClosedLoopRun](), list[Run](), list[str]()
     adapts = isinstance(believes, Learnt) and believes.car is None
     for maneuver in MANEUVERS:
-        job = DriveJob(maneuver, {}, maneuver, Effects(), config.seed, believes, config.control, car)
-        runs[maneuver] = driven(job)
-        if not adapts:
-            continue
-        log = logged(maneuver, runs[maneuver])
-        try:
-            again = dataclasses.replace(job, noise_seed=config.seed + 1, believes=adapting_after([log], maneuver))
-        except InvalidLogError as error:
-            said.append(f"No second attempt: {error}.")
-            continue
-        runs[f"{maneuver} {AGAIN}"] = driven(again)
-        if maneuver == "figure_8":
-            believes = adapting_after([log], "loops", "figure_8")
+        for attempt, name in enumerate((maneuver, f"{maneuver} {AGAIN}")[: 1 + adapts]):
+            begins = adapting_after(taught, maneuver, *MANEUVERS) if taught else believes
+            job = DriveJob(name, {}, maneuver, Effects(), config.seed + attempt, begins, config.control, car)
+            runs[name] = driven(job)
+            log = logged(name, runs[name])
+            if not adapts:
+                continue
+            try:
+                check_earlier_drive(log, reference(maneuver))
+            except InvalidLogError as error:
+                said.append(f"Nothing was learnt from {error}.")
+                break
+            taught.append(log)
     return runs, said
 
 

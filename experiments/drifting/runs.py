@@ -62,7 +62,8 @@ from experiments.settings import keep_settings
 
 Model = Literal["nominal", "prior", "once_ocp", "once_info", "twice_info", "online", "offset_free",
                 "twice_online", "varied", "hybrid", "identified", "chosen", "chosen_once", "oracle"]  # fmt: skip
-Maneuver = Literal["figure_8", "loops"]
+Maneuver = Literal["figure_8", "loops", "gentle"]  # gentle: the figure-8 at `GENTLE`
+GENTLE = 0.4  # [rad] of sideslip, in place of 0.6
 
 BELIEFS: dict[str, str] = {
     "once_ocp": "once_ocp", "once_info": "once_info", "twice_info": "twice_info", "twice_online": "twice_info",
@@ -205,6 +206,8 @@ class DriveResult(NamedTuple):
 @cache
 def reference(maneuver: Maneuver) -> Reference:
     """What is driven."""
+    if maneuver == "gentle":
+        return figure_8(VehicleParameters(), sideslip=GENTLE)
     return (figure_8 if maneuver == "figure_8" else loops)(VehicleParameters())
 
 

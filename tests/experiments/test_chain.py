@@ -44,7 +44,7 @@ def test_a_car_of_another_program_is_gathered_drifted_and_diagnosed(
     assert "| figure_8 | completed | 100% |" in printed
     assert "Not diagnosed" not in printed
     assert len(read_case(folder / "logs" / "lane")) == 2
-    assert "- No second attempt: figure_8: of the drifts in curves to the left" in printed
+    assert "- Nothing was learnt from figure_8: of the drifts in curves to the left" in printed
     assert "| loops again | completed | 100% |" in printed
     assert len(read_case(folder / "logs" / "drifts")) == 3  # both courses, and the loops again
     read_car(folder / "corrected.yaml")

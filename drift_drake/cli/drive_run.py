@@ -3,6 +3,7 @@
 import contextlib
 import dataclasses
 import json
+import shlex
 from pathlib import Path
 from typing import Any, Literal, NamedTuple, TextIO
 
@@ -207,7 +208,7 @@ def main(config: ClosedLoopConfig, to: TextIO | None = None) -> dict[str, Any]:
         file=to,
     )
     if start.loop.adapter is not None and m.completed and m.drifting >= HELD:
-        logs = " ".join(map(str, [*config.after, folder / "run_0.csv"]))
+        logs = shlex.join(map(str, [*config.after, folder / "run_0.csv"]))
         print(f"a further attempt, or one of the other course, can begin with what was learnt: --after {logs}", file=to)
     return {"out": folder, "metrics": m, "events": events}
 

@@ -32,7 +32,7 @@ class DriveOptions:
     prior of cars of many structures (varied)."""
     after: tuple[Path, ...] = ()
     """Logs of earlier drives, which a model that adapts begins with (such as run_0.csv of their folders): of this
-    course, or of the other one with the same circles, of which a sample counts 0.3."""
+    course, or of the other one with the same circles, which count 0.3 of a drive together."""
     radius: float | None = None
     """Radius of the circles [m]; if not given, 18 m for the default coupe. Other cars' lengths are in proportion to the
     wheelbase, and speeds to its root."""

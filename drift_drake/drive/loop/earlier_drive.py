@@ -26,7 +26,8 @@ OFF_COURSE = 1.0  # [rad] between the car's course and the path's; a quarter mor
 SHORT = 0.9  # of the course's length
 HELD = 0.5  # of the steady drifts to a side
 OTHER_COURSE = 0.3
-"""What a sample of another course counts (multi-body cars of draw 881, the loops after a figure-8)."""
+"""What a drive of another course counts; several such drives count as much together, since they are off alike
+(multi-body cars of draw 881, the loops after a figure-8)."""
 
 
 def check_earlier_drive(run: Run, *courses: Reference) -> Reference:
@@ -87,8 +88,8 @@ def beliefs_after(
 
     Args:
         model: the learnt model; runs: the drives' logs, with sideslip, rim speed and torque; reference: the course that
-            is driven next; others: courses with the same drifts that earlier drives may be of, whose samples count
-            `OTHER_COURSE`.
+            is driven next; others: courses with the same drifts that earlier drives may be of, which count
+            `OTHER_COURSE` together.
         lags: the adapter's [K, 2] in s; those of `drift-drake drive` without; threshold: the adapter's [-].
 
     Raises:
@@ -100,9 +101,10 @@ def beliefs_after(
         >>> adapter.set_beliefs(adapter.CreateDefaultContext(), beliefs)
     """
     beliefs = Beliefs([model.prior()] * len(lags), np.zeros(len(lags)))
-    less = dataclasses.replace(model, sample_weight=OTHER_COURSE * model.sample_weight)
-    for run in runs:
-        counted = model if check_earlier_drive(run, reference, *others) is reference else less
+    elsewhere = [check_earlier_drive(run, reference, *others) is not reference for run in runs]
+    for run, other in zip(runs, elsewhere, strict=True):
+        counts = OTHER_COURSE / sum(elsewhere) if other else 1.0
+        counted = dataclasses.replace(model, sample_weight=counts * model.sample_weight)
         beliefs = _after(beliefs, [counted.with_lag(lag) for lag in lags], run, lags, threshold)
     return beliefs
 

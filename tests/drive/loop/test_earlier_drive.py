@@ -107,7 +107,8 @@ def test_what_is_no_drive_of_this_course_is_refused(course: Reference) -> None:
 
 
 def test_samples_of_all_drives_add_up_and_those_of_another_course_count_less(course: Reference) -> None:
-    """A precision grows by what the samples hold, whatever was there before them."""
+    """A precision grows by what the samples hold, whatever was there before them; two drives that are alike elsewhere
+    count as one."""
     model, other = load_varied(), loops(CAR)
     here, there = along(course), along(other)
     assert check_earlier_drive(there, course, other) is other
@@ -121,6 +122,7 @@ def test_samples_of_all_drives_add_up_and_those_of_another_course_count_less(cou
     close = partial(np.testing.assert_allclose, rtol=0.0, atol=1e-6 * np.abs(own).max())
     close(less, OTHER_COURSE * own)
     close(growth([here, there], course, other), growth([here], course) + less)
+    close(growth([there, there], course, other), less)
 
 
 def test_neither_course_is_said_with_what_to_give(course: Reference) -> None:

@@ -91,7 +91,10 @@ class Choice(NamedTuple):
     def sentence(self) -> str:
         """What follows from it."""
         found = self.found
-        adapt = "let the learnt model adapt as it drives (drift-drake drive --model varied; a second time with --after)"
+        adapt = (
+            "let the learnt model adapt as it drives (drift-drake drive figure_8 --model varied; then again, or the "
+            "loops, with --after)"
+        )
         if found.doubts:
             return f"no model is believed on these drives: {'; '.join(found.doubts)}"
         if self.believed == "identified":
